@@ -1,0 +1,1 @@
+"""The nouns that the car and the cloud share; imports nothing else of ours."""

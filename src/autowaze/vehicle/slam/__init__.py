@@ -1,0 +1,1 @@
+"""Where the car is: tracking, local map, bundle adjustment, relocalisation."""

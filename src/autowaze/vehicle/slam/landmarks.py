@@ -1,0 +1,137 @@
+"""The 3D features that tracking holds on to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autowaze.world.feature_map import MapFeatures
+from autowaze.world.features import DESCRIPTOR_BYTES
+
+NO_LANDMARK = -1
+
+_COLUMNS: dict[str, tuple[Any, tuple[int, ...]]] = {
+    "id": (np.int64, ()),
+    "position": (np.float64, (3,)),
+    "descriptor": (np.uint8, (DESCRIPTOR_BYTES,)),
+    "normal": (np.float32, (3,)),
+    "min_distance": (np.float32, ()),
+    "max_distance": (np.float32, ()),
+    "label": (np.uint8, ()),
+    "instance": (np.int32, ()),
+    "n_visible": (np.int32, ()),
+    "n_found": (np.int32, ()),
+    "n_observations": (np.int32, ()),
+    "first_seen": (np.float64, ()),
+    "last_seen": (np.float64, ()),
+    "map_id": (np.uint64, ()),
+}
+
+
+class Landmarks:
+    """Struct of arrays with growing capacity; rows are sorted by id.
+
+    Attributes (N rows each):
+        id: (N,) int64, counted from 1, never reused.
+        position: (N, 3) float64, metres, map frame; refined by bundle adjustment unless the landmark is stored.
+        descriptor: (N, 32) uint8, as seen from the latest keyframe.
+        normal: (N, 3) float32, mean unit vector from the landmark to the cameras that saw it.
+        min_distance, max_distance: (N,) float32, metres between which its ORB scale can be detected.
+        label: (N,) uint8, the `ClassLabel` last seen; instance: (N,) int32, the track id last seen, 0 for none.
+        n_visible, n_found: (N,) int32, frames in which it was predicted visible, and matched as an inlier.
+        n_observations: (N,) int32, keyframes that saw it.
+        first_seen, last_seen: (N,) float64, seconds since the epoch.
+        map_id: (N,) uint64, its id in the stored map; 0 for a landmark of this drive.
+    """
+
+    id: NDArray[np.int64]
+    position: NDArray[np.float64]
+    descriptor: NDArray[np.uint8]
+    normal: NDArray[np.float32]
+    min_distance: NDArray[np.float32]
+    max_distance: NDArray[np.float32]
+    label: NDArray[np.uint8]
+    instance: NDArray[np.int32]
+    n_visible: NDArray[np.int32]
+    n_found: NDArray[np.int32]
+    n_observations: NDArray[np.int32]
+    first_seen: NDArray[np.float64]
+    last_seen: NDArray[np.float64]
+    map_id: NDArray[np.uint64]
+
+    def __init__(self, capacity: int = 1 << 14) -> None:
+        self._store = {name: np.zeros((capacity, *shape), dtype) for name, (dtype, shape) in _COLUMNS.items()}
+        self._next_id = 1
+        self._count = 0
+        self._bind()
+
+    def __len__(self) -> int:
+        return self._count
+
+    @property
+    def is_stored(self) -> NDArray[np.bool_]:
+        """(N,) which landmarks belong to the stored map; their positions stay as they are."""
+        return self.map_id != 0
+
+    def add(self, **columns: NDArray[Any]) -> NDArray[np.int64]:
+        """Append rows; columns not given are zero. Returns the new ids (n,)."""
+        n = len(columns["position"])
+        start, stop = self._count, self._count + n
+        self._reserve(stop)
+        for name, store in self._store.items():
+            store[start:stop] = columns.get(name, 0)
+        ids = np.arange(self._next_id, self._next_id + n, dtype=np.int64)
+        self._store["id"][start:stop] = ids
+        self._next_id += n
+        self._count = stop
+        self._bind()
+        return ids
+
+    def add_stored(self, features: MapFeatures) -> NDArray[np.int64]:
+        """Append features of the stored map. Returns their landmark ids (n,)."""
+        return self.add(
+            position=features.position,
+            descriptor=features.descriptor,
+            normal=features.normal,
+            min_distance=features.min_distance,
+            max_distance=features.max_distance,
+            label=features.label,
+            n_observations=features.observations,
+            first_seen=features.first_seen,
+            last_seen=features.last_seen,
+            map_id=features.id,
+        )
+
+    def rows(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Row numbers of ids; -1 for ids that were culled or never given."""
+        ids = np.asarray(ids, dtype=np.int64)
+        if not self._count:
+            return np.full(ids.shape, -1, np.int64)
+        at = np.minimum(np.searchsorted(self.id, ids), self._count - 1)
+        return np.where(self.id[at] == ids, at, -1)
+
+    def remove(self, gone: NDArray[np.bool_]) -> None:
+        """Drop the rows of a mask (N,); the others keep their order and ids, not their row numbers."""
+        keep = ~gone
+        n = int(np.count_nonzero(keep))
+        for store in self._store.values():
+            store[:n] = store[: self._count][keep]
+        self._count = n
+        self._bind()
+
+    def _reserve(self, size: int) -> None:
+        capacity = len(self._store["id"])
+        if size <= capacity:
+            return
+        while capacity < size:
+            capacity *= 2
+        for name, store in self._store.items():
+            grown = np.zeros((capacity, *store.shape[1:]), store.dtype)
+            grown[: self._count] = store[: self._count]
+            self._store[name] = grown
+
+    def _bind(self) -> None:
+        for name, store in self._store.items():
+            setattr(self, name, store[: self._count])

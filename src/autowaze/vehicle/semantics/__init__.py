@@ -1,0 +1,1 @@
+"""What the car sees: instance segmentation, tracking, features with labels, parked or moving."""

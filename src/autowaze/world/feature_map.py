@@ -40,6 +40,11 @@ class MapFeatures(Columns):
     last_seen: NDArray[np.float64]
     observations: NDArray[np.uint16]
 
+    @property
+    def described(self) -> NDArray[np.bool_]:
+        """Rows (N,) that carry a descriptor; an all-zero one stands for none."""
+        return np.asarray(self.descriptor.any(axis=1))
+
     @classmethod
     def empty(cls) -> MapFeatures:
         """No features."""

@@ -36,4 +36,4 @@ class GroundCells(Columns):
     @property
     def centre(self) -> NDArray[np.float64]:
         """Centres (N, 2) in map metres."""
-        return (np.stack([self.ix, self.iy], axis=1) + 0.5) * CELL_M
+        return np.asarray((np.stack([self.ix, self.iy], axis=1) + 0.5) * CELL_M, dtype=np.float64)

@@ -1,6 +1,6 @@
 """How sessions, diffs, features and instances are numbered.
 
-A vehicle session is a random 40-bit number that a car draws when it starts and again before its windows run out, so
+A vehicle session is a random 39-bit number that a car draws when it starts and again before its windows run out, so
 it says nothing about the car. A feature's id is (session, sequence number of the diff, row in the diff): it needs no
 bytes in the diff that brings it, few in a diff that removes it (neighbours differ by one), and is the same however
 often and in whatever order diffs arrive.
@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-SESSION_BITS, SEQUENCE_BITS, ROW_BITS = 40, 12, 12
+SESSION_BITS, SEQUENCE_BITS, ROW_BITS = 39, 12, 12  # ids fit a signed 64-bit column of any database
 INSTANCE_BITS = 24
 
 MAX_SESSION = 1 << SESSION_BITS

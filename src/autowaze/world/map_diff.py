@@ -93,7 +93,7 @@ class SemanticMapDiff:
     """One upload (thesis, sec. 3.2.6).
 
     Attributes:
-        session: the vehicle session, a 40-bit number (`world.identity`).
+        session: the vehicle session, a 39-bit number (`world.identity`).
         sequence: number of the window within the session; (session, sequence) is the key of the diff.
         start, end: the window, seconds since the epoch (UTC).
         map_version: version of the stored map that it was compared with.

@@ -5,6 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Protocol
 
+from autowaze.vehicle.semantics.model_config import ModelConfig
+from autowaze.vehicle.semantics.network import Network, open_network
+from autowaze.vehicle.semantics.yolo_seg import YoloSeg
+from autowaze.world.errors import ModelError
 from autowaze.world.frame import Image
 from autowaze.world.instances import Detections
 
@@ -20,15 +24,37 @@ class Segmenter(Protocol):
         """Confident instances of one image, boxes and masks at its full size, most confident first."""
 
 
-def load_segmenter(model: str | Path, *, min_confidence: float | None = None, threads: int = 2) -> Segmenter:
+_LAYOUTS = {"yolo-seg": YoloSeg}
+
+
+def load_segmenter(
+    model: str | Path, *, min_confidence: float | None = None, long_side: int | None = None, threads: int = 2
+) -> Segmenter:
     """Open a model by file path, or by the name it has in the model store.
 
     Args:
         model: path of an .onnx or OpenVINO .xml file, or a name known to `model_store`.
-        min_confidence: detections below it are dropped; None for the layout's default.
+        min_confidence: detections below it are dropped; None for the model's own default.
+        long_side: pixels of the longer side of the input of an export of free size; None for the model's default.
         threads: cores that the network may use.
 
     Raises:
         ModelError: no such file or name, not a readable model, or none of the known layouts.
+        DependencyError: the model needs a package that is not installed.
     """
-    raise NotImplementedError
+    path = Path(model)
+    network = open_network(path, threads)
+    stated = {"min_confidence": min_confidence, "long_side": long_side}
+    config = ModelConfig.beside(path).model_copy(update={k: v for k, v in stated.items() if v is not None})
+    return _LAYOUTS[config.layout or _guess_layout(network)](network, config)
+
+
+def _guess_layout(network: Network) -> str:
+    for layout, adapter in _LAYOUTS.items():
+        if adapter.recognises(network):
+            return layout
+    outputs = ", ".join(f"{name} {list(shape)}" for name, shape in network.outputs.items())
+    raise ModelError(
+        f"{network.path}: outputs {outputs} are of no known layout ({', '.join(_LAYOUTS)}); "
+        f"state the layout in {network.path.stem}.json"
+    )

@@ -4,10 +4,53 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 
 @dataclass(frozen=True, slots=True)
 class SlamSettings:
-    """Tracking and mapping; the defaults follow ORB-SLAM2 (Mur-Artal & Tardos 2017) where it names a number."""
+    """Tracking and mapping; the defaults follow ORB-SLAM2 (Mur-Artal & Tardos 2017) where it names a number.
+
+    Attributes:
+        n_levels, scale_factor: of the ORB pyramid.
+        disparity_sigma_px: standard deviation of a disparity at level 0, relative to that of a corner (1 px): the
+            sub-pixel search aligns patches, which is finer than finding corners.
+        max_hamming: most differing bits of a match. ratio: best over second best.
+        min_start_features: stereo features needed to begin a map (ORB-SLAM2: 500, of 2000).
+        min_inliers: fewer do not hold a pose (ORB-SLAM2: 30).
+        min_stored_inliers: features of the stored map that make a pose a localisation.
+        min_static_inliers: from so many on, things that may drive away do not steer the pose at all.
+        movable_weight: how much they count until then, and in bundle adjustment.
+        max_depth_baselines: landmarks are made up to this many baselines away.
+        min_keyframe_gap: frames between keyframes at least; the bundle adjustment of a keyframe is applied this many
+            frames later, whenever it ended.
+        keyframe_ratio: tracked landmarks below this share of the last keyframe's make a new one.
+        keyframe_distance_m, keyframe_angle_rad: as does so much motion.
+        n_adjusted, n_fixed: keyframes that bundle adjustment moves, and older ones that hold it.
+        local_radius_m: features of the stored map within it are looked for.
+    """
 
     n_levels: int = 8
     scale_factor: float = 1.2
+    disparity_sigma_px: float = 0.5
+    max_hamming: int = 80
+    ratio: float = 0.85
+    min_start_features: int = 200
+    min_inliers: int = 30
+    min_stored_inliers: int = 30
+    min_static_inliers: int = 60
+    movable_weight: float = 0.1
+    max_depth_baselines: float = 80.0
+    min_keyframe_gap: int = 2
+    keyframe_ratio: float = 0.8
+    keyframe_distance_m: float = 2.0
+    keyframe_angle_rad: float = 0.1
+    n_adjusted: int = 10
+    n_fixed: int = 10
+    local_radius_m: float = 60.0
+
+    @property
+    def level_scale(self) -> NDArray[np.float64]:
+        """Size of each pyramid level's pixels in pixels of the image, (L,)."""
+        return np.asarray(self.scale_factor ** np.arange(self.n_levels), dtype=np.float64)

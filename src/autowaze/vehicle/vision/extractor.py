@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from autowaze.vehicle.vision.orb import Keypoints, OrbDetector
+from autowaze.vehicle.vision.pyramid import Pyramid, PyramidLayout
 from autowaze.vehicle.vision.settings import VisionSettings
+from autowaze.vehicle.vision.stereo import match_stereo
 from autowaze.world.camera import StereoCamera
 from autowaze.world.features import CameraFeatures
-from autowaze.world.frame import StereoFrame
+from autowaze.world.frame import Image, StereoFrame
 
 
 class FeatureExtractor:
@@ -14,7 +21,40 @@ class FeatureExtractor:
     def __init__(self, camera: StereoCamera, settings: VisionSettings = VisionSettings()) -> None:  # noqa: B008
         self.camera = camera
         self.settings = settings
+        s = settings
+        layout = PyramidLayout.of(camera.width, camera.height, s.n_levels, s.scale_factor)
+        self._pyramids = Pyramid(layout), Pyramid(layout)
+        self._detectors = tuple(
+            OrbDetector(n, s.n_levels, s.scale_factor, s.fast_threshold) for n in (s.n_features, s.n_features_right)
+        )
+        self._right_thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="right-image")
 
     def extract(self, frame: StereoFrame) -> CameraFeatures:
         """Features of the left image, with depth and position where the right image shows them too."""
-        raise NotImplementedError
+        right_pending = self._right_thread.submit(self._features, 1, frame.right_grey)
+        left = self._features(0, frame.left_grey)
+        right = right_pending.result()
+        u_right = match_stereo(
+            left,
+            right,
+            *self._pyramids,
+            min_disparity_px=self.settings.min_disparity_px,
+            max_disparity_px=self.camera.fx,
+            max_hamming=self.settings.max_hamming,
+        )
+        depth = (self.camera.bf / (left.uv[:, 0] - u_right)).astype(np.float32)
+        return CameraFeatures(
+            uv=left.uv,
+            octave=left.octave,
+            angle=left.angle,
+            descriptor=left.descriptor,
+            u_right=u_right,
+            depth=depth,
+            position_cam=self.camera.back_project(left.uv, depth).astype(np.float32),
+            label=np.zeros(len(left), np.uint8),
+            instance_id=np.zeros(len(left), np.int32),
+        )
+
+    def _features(self, side: int, image: Image) -> Keypoints:
+        self._pyramids[side].fill(image)
+        return self._detectors[side].detect(image)

@@ -1,0 +1,188 @@
+"""The map around the car: keyframes in, landmarks made and culled, bundle adjustment behind the scenes."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autowaze.vehicle.slam.bundle_adjustment import BundleProblem, BundleSolution, adjust
+from autowaze.vehicle.slam.keyframe import Keyframe
+from autowaze.vehicle.slam.landmarks import NO_LANDMARK, Landmarks
+from autowaze.vehicle.slam.observed_frame import ObservedFrame
+from autowaze.vehicle.slam.settings import SlamSettings
+from autowaze.world.camera import StereoCamera
+from autowaze.world.labels import is_movable
+from autowaze.world.pose import Pose, inverse
+
+_MIN_FOUND_SHARE = 0.25  # ORB-SLAM2: young landmarks found more rarely where predicted are culled
+_MIN_PREDICTED = 8  # frames before that share means something
+_MIN_SHARED = 15  # ORB-SLAM2: landmarks that two keyframes share to be covisible
+
+
+@dataclass(frozen=True)
+class _Pending:
+    due: int
+    keyframes: list[Keyframe]
+    point_id: NDArray[np.int64]
+    observation_feature: NDArray[np.int64]
+    problem: BundleProblem
+    solution: Future[BundleSolution]
+
+
+class LocalMapper:
+    """Keeps keyframes and landmarks, and adjusts the newest of them."""
+
+    def __init__(self, camera: StereoCamera, settings: SlamSettings, landmarks: Landmarks) -> None:
+        self.camera = camera
+        self.settings = settings
+        self.landmarks = landmarks
+        self.keyframes: list[Keyframe] = []
+        self.local_rows: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._level_scale = settings.level_scale
+        self._pending: _Pending | None = None
+        self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="bundle-adjustment")
+
+    @property
+    def is_adjusting(self) -> bool:
+        """Whether a bundle adjustment waits to be applied."""
+        return self._pending is not None
+
+    def insert(
+        self, frame: ObservedFrame, T_map_cam: Pose, landmark_id: NDArray[np.int64], index: int, timestamp: float
+    ) -> NDArray[np.int64]:
+        """Make a frame a keyframe; returns its landmark ids (N,), with those of the new landmarks."""
+        self._observe_again(frame, T_map_cam, landmark_id)
+        landmark_id = self._create(frame, T_map_cam, landmark_id, timestamp)
+        self.keyframes.append(Keyframe(index, T_map_cam.copy(), frame, landmark_id))
+        self._cull(index)
+        self.refresh_local(T_map_cam)
+        if len(self.keyframes) > 1:
+            self._start_adjustment(index + self.settings.min_keyframe_gap)
+        return landmark_id
+
+    def adopt(self, index: int) -> Pose | None:
+        """Apply the bundle adjustment that is due at this frame; returns how it moved the newest keyframe (4, 4)."""
+        if self._pending is None or index < self._pending.due:
+            return None
+        pending, self._pending = self._pending, None
+        solution = pending.solution.result()
+        newest = pending.keyframes[-1]
+        moved = solution.T_map_cam[-1] @ inverse(newest.T_map_cam)
+        for keyframe, T in zip(pending.keyframes, solution.T_map_cam, strict=True):
+            keyframe.T_map_cam = T
+        rows = self.landmarks.rows(pending.point_id)
+        alive = (rows >= 0) & pending.problem.point_free
+        self.landmarks.position[rows[alive]] = solution.position[alive]
+        self._forget_outliers(pending, solution)
+        return moved
+
+    def finish(self) -> Pose | None:
+        """Wait for the adjustment under way and apply it."""
+        return self.adopt(self._pending.due) if self._pending else None
+
+    def refresh_local(self, T_map_cam: Pose) -> None:
+        """Choose the landmarks to look for: those of the latest keyframes and those of the stored map nearby."""
+        recent = self.keyframes[-(self.settings.n_adjusted + self.settings.n_fixed) :]
+        ids = np.unique(np.concatenate([k.observed_ids for k in recent])) if recent else np.zeros(0, np.int64)
+        rows = self.landmarks.rows(ids)
+        offset = self.landmarks.position[:, :2] - T_map_cam[:2, 3]
+        near = np.einsum("ij,ij->i", offset, offset) < self.settings.local_radius_m**2
+        stored = np.flatnonzero(self.landmarks.is_stored & near)
+        self.local_rows = np.union1d(rows[rows >= 0], stored)
+
+    def _observe_again(self, frame: ObservedFrame, T_map_cam: Pose, landmark_id: NDArray[np.int64]) -> None:
+        """Take over descriptor and viewing direction of the landmarks that a keyframe sees."""
+        store = self.landmarks
+        feature = np.flatnonzero(landmark_id >= 0)
+        row = store.rows(landmark_id[feature])
+        store.n_observations[row] += 1
+        own = ~store.is_stored[row]
+        feature, row = feature[own], row[own]
+        store.descriptor[row] = frame.features.descriptor[feature]
+        towards = T_map_cam[:3, 3] - store.position[row]
+        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+        mean = store.normal[row] * (store.n_observations[row] - 1)[:, None] + towards
+        store.normal[row] = mean / np.linalg.norm(mean, axis=1, keepdims=True)
+
+    def _create(
+        self, frame: ObservedFrame, T_map_cam: Pose, landmark_id: NDArray[np.int64], timestamp: float
+    ) -> NDArray[np.int64]:
+        features = frame.features
+        near = features.depth < self.settings.max_depth_baselines * self.camera.baseline_m
+        new = np.flatnonzero(near & (landmark_id < 0) & ~frame.moving)
+        position = features.position_cam[new].astype(np.float64) @ T_map_cam[:3, :3].T + T_map_cam[:3, 3]
+        towards = T_map_cam[:3, 3] - position
+        distance = np.linalg.norm(towards, axis=1)
+        max_distance = distance * self._level_scale[frame.octave[new]]
+        landmark_id = landmark_id.copy()
+        landmark_id[new] = self.landmarks.add(
+            position=position,
+            descriptor=features.descriptor[new],
+            normal=towards / distance[:, None],
+            min_distance=max_distance / self._level_scale[-1],
+            max_distance=max_distance,
+            label=features.label[new],
+            instance=features.instance_id[new],
+            n_visible=np.ones(len(new), np.int32),
+            n_found=np.ones(len(new), np.int32),
+            n_observations=np.ones(len(new), np.int32),
+            first_seen=np.full(len(new), timestamp),
+            last_seen=np.full(len(new), timestamp),
+        )
+        return landmark_id
+
+    def _cull(self, index: int) -> None:
+        store = self.landmarks
+        rare = (store.n_visible >= _MIN_PREDICTED) & (store.n_found < _MIN_FOUND_SHARE * store.n_visible)
+        store.remove(rare & ~store.is_stored)
+
+    def _start_adjustment(self, due: int) -> None:
+        free = self.keyframes[-self.settings.n_adjusted :]
+        older = self.keyframes[: -self.settings.n_adjusted]
+        points = np.unique(np.concatenate([k.observed_ids for k in free]))
+        points = points[self.landmarks.rows(points) >= 0]
+        fixed = [k for k in older[-self.settings.n_fixed :] if np.isin(k.landmark_id, points).sum() >= _MIN_SHARED]
+        keyframes = fixed + free
+        pose_free = np.arange(len(keyframes)) >= max(len(fixed), 1)
+        problem, feature = self._problem(keyframes, pose_free, points)
+        solution = self._worker.submit(adjust, problem, self.camera)
+        self._pending = _Pending(due, keyframes, points, feature, problem, solution)
+
+    def _problem(
+        self, keyframes: list[Keyframe], pose_free: NDArray[np.bool_], points: NDArray[np.int64]
+    ) -> tuple[BundleProblem, NDArray[np.int64]]:
+        """The adjustment of these keyframes and landmarks (by id), and the feature of each observation."""
+        keyframe_row, point_row, feature = [], [], []
+        for k, keyframe in enumerate(keyframes):
+            at = np.minimum(np.searchsorted(points, keyframe.landmark_id), len(points) - 1)
+            seen = np.flatnonzero(points[at] == keyframe.landmark_id)
+            keyframe_row.append(np.full(len(seen), k))
+            point_row.append(at[seen])
+            feature.append(seen)
+        point = np.concatenate(point_row)
+        rows = self.landmarks.rows(points)
+        label_weight = np.where(is_movable(self.landmarks.label[rows]), self.settings.movable_weight, 1.0)
+        problem = BundleProblem(
+            T_map_cam=np.stack([k.T_map_cam for k in keyframes]),
+            pose_free=pose_free,
+            position=self.landmarks.position[rows],
+            point_free=~self.landmarks.is_stored[rows],
+            keyframe=np.concatenate(keyframe_row),
+            point=point,
+            measured=np.concatenate([k.frame.measured[f] for k, f in zip(keyframes, feature, strict=True)]),
+            information=np.concatenate([k.frame.information[f] for k, f in zip(keyframes, feature, strict=True)]),
+            weight=label_weight[point],
+        )
+        return problem, np.concatenate(feature)
+
+    def _forget_outliers(self, pending: _Pending, solution: BundleSolution) -> None:
+        """Drop the observations that disagree with the adjusted map."""
+        wrong = ~solution.inlier
+        for k, keyframe in enumerate(pending.keyframes):
+            feature = pending.observation_feature[wrong & (pending.problem.keyframe == k)]
+            rows = self.landmarks.rows(keyframe.landmark_id[feature])
+            self.landmarks.n_observations[rows[rows >= 0]] -= 1
+            keyframe.landmark_id[feature] = NO_LANDMARK

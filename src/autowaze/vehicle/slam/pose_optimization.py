@@ -1,0 +1,159 @@
+"""Pose of one camera from landmarks whose positions are held (ORB-SLAM2, motion-only bundle adjustment)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autowaze.vehicle.slam.small_matrices import orthonormal, rotate_left, solve_positive
+from autowaze.vehicle.vision.compiled import compiled
+from autowaze.world.camera import StereoCamera
+from autowaze.world.pose import Pose, inverse, make_pose
+
+CHI2_MONO = 5.991  # 95 % of chi squared with 2 degrees of freedom
+CHI2_STEREO = 7.815  # and with 3
+_ROUNDS, _ITERATIONS = 4, 10
+_ROBUST_ROUNDS = 2
+_CONVERGED = 1e-6
+
+
+@dataclass(frozen=True)
+class PoseEstimate:
+    """Result of a pose-only adjustment.
+
+    Attributes:
+        T_map_cam: (4, 4).
+        covariance: (6, 6), position (m) and rotation vector (rad) in the map frame.
+        inlier: (M,) bool, observations that agree with the pose.
+        chi2: (M,) float64, squared error of each over its variance.
+    """
+
+    T_map_cam: Pose
+    covariance: NDArray[np.float64]
+    inlier: NDArray[np.bool_]
+    chi2: NDArray[np.float64]
+
+
+def optimize_pose(
+    T_map_cam: Pose,
+    position: NDArray[np.float64],
+    measured: NDArray[np.float64],
+    information: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    camera: StereoCamera,
+) -> PoseEstimate:
+    """Gauss-Newton with Huber weights, outliers told apart anew each round.
+
+    Args:
+        T_map_cam: where to start.
+        position: (M, 3) landmarks in the map frame, m.
+        measured: (M, 3) u, v, disparity in pixels; disparity NaN without stereo.
+        information: (M, 2) inverse variances of u and v, and of the disparity (0 without stereo).
+        weight: (M,) how much each counts; 0 to be judged but not to steer.
+        camera: calibration.
+    """
+    T = inverse(T_map_cam)
+    calibration = np.array([camera.fx, camera.fy, camera.cx, camera.cy, camera.bf])
+    R, t, inlier, chi2, H = _optimize(
+        np.ascontiguousarray(T[:3, :3]), T[:3, 3].copy(), position, measured, information, weight, calibration
+    )
+    T_new = inverse(make_pose(orthonormal(R), t))
+    return PoseEstimate(T_new, _covariance(H, T_new[:3, :3]), inlier, chi2)
+
+
+def _covariance(H: NDArray[np.float64], R_map_cam: NDArray[np.float64]) -> NDArray[np.float64]:
+    """From the information of a perturbation in the camera frame to position and rotation in the map frame."""
+    to_map = np.kron(np.eye(2), R_map_cam)
+    cov = to_map @ np.linalg.inv(H + 1e-9 * np.eye(6)) @ to_map.T
+    return np.asarray(0.5 * (cov + cov.T))
+
+
+@compiled
+def _chi2(R, t, p, z, information, calibration, residual, point_cam):  # type: ignore[no-untyped-def]
+    """Squared error over variance of one observation; fills `residual` (3) and `point_cam` (3)."""
+    for i in range(3):
+        point_cam[i] = R[i, 0] * p[0] + R[i, 1] * p[1] + R[i, 2] * p[2] + t[i]
+    depth = point_cam[2]
+    if depth < 0.05:
+        return np.inf
+    residual[0] = calibration[0] * point_cam[0] / depth + calibration[2] - z[0]
+    residual[1] = calibration[1] * point_cam[1] / depth + calibration[3] - z[1]
+    chi2 = information[0] * (residual[0] ** 2 + residual[1] ** 2)
+    residual[2] = 0.0
+    if information[1] > 0.0:
+        residual[2] = calibration[4] / depth - z[2]
+        chi2 += information[1] * residual[2] ** 2
+    return chi2
+
+
+@compiled
+def _jacobian(point_cam, calibration, J):  # type: ignore[no-untyped-def]
+    """Of u, v, disparity by the point in the camera frame; fills J (3, 3)."""
+    x, y, z = point_cam[0], point_cam[1], point_cam[2]
+    J[:] = 0.0
+    J[0, 0] = calibration[0] / z
+    J[0, 2] = -calibration[0] * x / (z * z)
+    J[1, 1] = calibration[1] / z
+    J[1, 2] = -calibration[1] * y / (z * z)
+    J[2, 2] = -calibration[4] / (z * z)
+
+
+@compiled
+def _pose_jacobian(J, point_cam, Jp):  # type: ignore[no-untyped-def]
+    """Of u, v, disparity by a small motion (translation, rotation) of the camera frame; fills Jp (3, 6)."""
+    x, y, z = point_cam[0], point_cam[1], point_cam[2]
+    for r in range(3):
+        a, b, c = J[r, 0], J[r, 1], J[r, 2]
+        Jp[r, 0], Jp[r, 1], Jp[r, 2] = a, b, c
+        Jp[r, 3] = c * y - b * z
+        Jp[r, 4] = a * z - c * x
+        Jp[r, 5] = b * x - a * y
+
+
+@compiled
+def _optimize(R, t, position, measured, information, weight, calibration):  # type: ignore[no-untyped-def]
+    n = position.shape[0]
+    inlier = np.ones(n, np.bool_)
+    chi2 = np.zeros(n)
+    H, g = np.zeros((6, 6)), np.zeros(6)
+    residual, point_cam, J, Jp = np.zeros(3), np.zeros(3), np.zeros((3, 3)), np.zeros((3, 6))
+    for rounds in range(_ROUNDS):
+        for _ in range(_ITERATIONS):
+            H[:] = 0.0
+            g[:] = 0.0
+            for i in range(n):
+                if not inlier[i] or weight[i] == 0.0:
+                    continue
+                error = _chi2(R, t, position[i], measured[i], information[i], calibration, residual, point_cam)
+                if error == np.inf:
+                    continue
+                limit = CHI2_STEREO if information[i, 1] > 0.0 else CHI2_MONO
+                robust = weight[i]
+                if rounds < _ROBUST_ROUNDS and error > limit:
+                    robust *= np.sqrt(limit / error)
+                _jacobian(point_cam, calibration, J)
+                _pose_jacobian(J, point_cam, Jp)
+                for r in range(3):
+                    w = robust * information[i, 0 if r < 2 else 1]
+                    for a in range(6):
+                        g[a] += w * Jp[r, a] * residual[r]
+                        for b in range(a, 6):
+                            H[a, b] += w * Jp[r, a] * Jp[r, b]
+            step, A = -g, H.copy()
+            for a in range(6):
+                A[a, a] += 1e-9 * (1.0 + A[a, a])
+            if not solve_positive(A, step):
+                break
+            R = rotate_left(step[3:], R)
+            t = rotate_left(step[3:], t.reshape(3, 1)).reshape(3) + step[:3]
+            if np.max(np.abs(step)) < _CONVERGED:
+                break
+        for i in range(n):
+            chi2[i] = _chi2(R, t, position[i], measured[i], information[i], calibration, residual, point_cam)
+            inlier[i] = chi2[i] <= (CHI2_STEREO if information[i, 1] > 0.0 else CHI2_MONO)
+    for a in range(6):
+        for b in range(a):
+            H[a, b] = H[b, a]
+    return R, t, inlier, chi2, H

@@ -1,0 +1,164 @@
+"""Pose of a frame: first against the last frame, then against the local map (ORB-SLAM2, sec. III)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autowaze.vehicle.slam.landmarks import NO_LANDMARK, Landmarks
+from autowaze.vehicle.slam.matching import match_in_windows
+from autowaze.vehicle.slam.observed_frame import ObservedFrame
+from autowaze.vehicle.slam.pose_optimization import PoseEstimate, optimize_pose
+from autowaze.vehicle.slam.projection import Predictions, predict
+from autowaze.vehicle.slam.settings import SlamSettings
+from autowaze.world.camera import StereoCamera
+from autowaze.world.labels import is_movable
+from autowaze.world.pose import Pose, inverse
+
+_MOTION_RADII_PX = (10.0, 40.0)  # around the predicted pixel at level 0; the wide one when the narrow one fails
+_MAP_RADIUS_PX, _MAP_RADIUS_OBLIQUE_PX = 4.0, 6.0
+_MIN_MOTION_INLIERS = 20
+_MIN_LANDMARK_INLIERS = 60  # below it, last frame's stereo points help
+
+
+@dataclass(frozen=True)
+class Located:
+    """A frame with its pose.
+
+    Attributes:
+        estimate: pose and covariance.
+        landmark_id: (N,) int64 per feature, inliers only; -1 for none.
+        visible_row: (M,) int64, rows of the landmarks predicted visible.
+        n_inliers, n_stored_inliers: how many features agree, and how many of them with the stored map.
+    """
+
+    frame: ObservedFrame
+    estimate: PoseEstimate
+    landmark_id: NDArray[np.int64]
+    visible_row: NDArray[np.int64]
+    n_inliers: int
+    n_stored_inliers: int
+
+    @property
+    def T_map_cam(self) -> Pose:
+        """Pose (4, 4)."""
+        return self.estimate.T_map_cam
+
+
+class Tracker:
+    """Finds the pose of a frame near a predicted one."""
+
+    def __init__(self, camera: StereoCamera, settings: SlamSettings, landmarks: Landmarks) -> None:
+        self.camera = camera
+        self.settings = settings
+        self.landmarks = landmarks
+        self._level_scale = settings.level_scale
+
+    def from_last(self, frame: ObservedFrame, last: Located, T_predicted: Pose) -> Pose | None:
+        """Pose by the features of the last frame, or None when too few of them are found again."""
+        position, rows = self._points_of(last)
+        known = np.flatnonzero(np.isfinite(position[:, 0]) & ~last.frame.moving)
+        for radius in _MOTION_RADII_PX:
+            estimate = self._match_and_optimize(frame, T_predicted, position[known], last.frame, known, radius)
+            if estimate is not None:
+                return estimate
+        return None
+
+    def in_map(self, frame: ObservedFrame, T_map_cam: Pose, local_rows: NDArray[np.int64], widen: float = 1.0) -> Located:
+        """Pose by the landmarks of the local map, started near it."""
+        predictions = predict(self.landmarks, local_rows, T_map_cam, self.camera, self._level_scale)
+        found = self._match_map(frame, predictions, widen)
+        feature, row = found[found >= 0], predictions.row[found >= 0]
+        estimate = optimize_pose(
+            T_map_cam,
+            self.landmarks.position[row],
+            frame.measured[feature],
+            frame.information[feature],
+            self._weights(frame, feature, self.landmarks.label[row]),
+            self.camera,
+        )
+        landmark_id = np.full(len(frame), NO_LANDMARK, np.int64)
+        landmark_id[feature[estimate.inlier]] = self.landmarks.id[row[estimate.inlier]]
+        stored = self.landmarks.is_stored[row[estimate.inlier]]
+        return Located(
+            frame,
+            estimate,
+            landmark_id,
+            predictions.row,
+            int(np.count_nonzero(estimate.inlier)),
+            int(np.count_nonzero(stored)),
+        )
+
+    def _match_map(self, frame: ObservedFrame, predictions: Predictions, widen: float) -> NDArray[np.int64]:
+        radius = np.where(predictions.frontal, _MAP_RADIUS_PX, _MAP_RADIUS_OBLIQUE_PX) * widen
+        return match_in_windows(
+            frame,
+            self.landmarks.descriptor.view(np.uint64)[predictions.row],
+            predictions.pixel,
+            predictions.level,
+            radius * self._level_scale[predictions.level],
+            frame.moving,
+            self.settings.max_hamming,
+            self.settings.ratio,
+        )
+
+    def _match_and_optimize(
+        self,
+        frame: ObservedFrame,
+        T_predicted: Pose,
+        position: NDArray[np.float64],
+        source: ObservedFrame,
+        source_row: NDArray[np.int64],
+        radius_px: float,
+    ) -> Pose | None:
+        pixel, ahead = _project(position, T_predicted, self.camera)
+        level = source.octave[source_row]
+        found = match_in_windows(
+            frame,
+            source.words[source_row],
+            np.where(ahead[:, None], pixel, -1e6),
+            level,
+            radius_px * self._level_scale[level],
+            frame.moving,
+            self.settings.max_hamming,
+            self.settings.ratio,
+        )
+        hit = found >= 0
+        if np.count_nonzero(hit) < _MIN_MOTION_INLIERS:
+            return None
+        feature = found[hit]
+        weight = self._weights(frame, feature, source.features.label[source_row[hit]])
+        estimate = optimize_pose(
+            T_predicted, position[hit], frame.measured[feature], frame.information[feature], weight, self.camera
+        )
+        return estimate.T_map_cam if np.count_nonzero(estimate.inlier & (weight > 0)) >= _MIN_MOTION_INLIERS else None
+
+    def _points_of(self, last: Located) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Map positions (N, 3) of a frame's features: the landmark's, else by stereo; NaN where unknown."""
+        T = last.T_map_cam
+        position = last.frame.features.position_cam.astype(np.float64) @ T[:3, :3].T + T[:3, 3]
+        rows = self.landmarks.rows(last.landmark_id)
+        position[rows >= 0] = self.landmarks.position[rows[rows >= 0]]
+        return position, rows
+
+    def _weights(
+        self, frame: ObservedFrame, feature: NDArray[np.int64], landmark_label: NDArray[np.uint8]
+    ) -> NDArray[np.float64]:
+        """What stands for good counts; what may drive away does only where the rest is too little."""
+        movable = is_movable(frame.features.label[feature]) | is_movable(landmark_label)
+        enough = np.count_nonzero(~movable) >= self.settings.min_static_inliers
+        return np.where(movable, 0.0 if enough else self.settings.movable_weight, 1.0)
+
+
+def _project(
+    position: NDArray[np.float64], T_map_cam: Pose, camera: StereoCamera
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """u, v, disparity (N, 3) of map points, and which lie ahead of the camera."""
+    T = inverse(T_map_cam)
+    points = position @ T[:3, :3].T + T[:3, 3]
+    ahead = points[:, 2] > 0.1
+    pixel = camera.project(np.where(ahead[:, None], points, 1.0))
+    pixel[:, 2] = pixel[:, 0] - pixel[:, 2]
+    return pixel, ahead

@@ -1,0 +1,58 @@
+"""The scale pyramid of an image, all levels in one block of memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from autowaze.world.frame import Image
+
+
+@dataclass(frozen=True, slots=True)
+class PyramidLayout:
+    """Where each level lies.
+
+    Attributes:
+        width, height, offset: (L,) int64, size of each level in pixels and its start in the block.
+        scale: (L,) float64, how much smaller the level is than the image.
+    """
+
+    width: NDArray[np.int64]
+    height: NDArray[np.int64]
+    offset: NDArray[np.int64]
+    scale: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, width: int, height: int, n_levels: int, scale_factor: float) -> PyramidLayout:
+        """Layout for images of one size."""
+        scale = scale_factor ** np.arange(n_levels)
+        widths = np.rint(width / scale).astype(np.int64)
+        heights = np.rint(height / scale).astype(np.int64)
+        offset = np.concatenate([[0], np.cumsum(widths * heights)[:-1]]).astype(np.int64)
+        return cls(widths, heights, offset, scale)
+
+    @property
+    def size(self) -> int:
+        """Pixels of all levels."""
+        return int(self.offset[-1] + self.width[-1] * self.height[-1])
+
+
+class Pyramid:
+    """Levels of one image; `block` is the flat memory that compiled code reads."""
+
+    def __init__(self, layout: PyramidLayout) -> None:
+        self.layout = layout
+        self.block: NDArray[np.uint8] = np.zeros(layout.size, np.uint8)
+        self.levels = [
+            self.block[o : o + w * h].reshape(h, w)
+            for o, w, h in zip(layout.offset, layout.width, layout.height, strict=True)
+        ]
+
+    def fill(self, image: Image) -> None:
+        """Level 0 is the image, each further level is the one before it, resized."""
+        self.levels[0][:] = image
+        for below, level in zip(self.levels, self.levels[1:], strict=False):
+            cv2.resize(below, (level.shape[1], level.shape[0]), dst=level, interpolation=cv2.INTER_LINEAR)

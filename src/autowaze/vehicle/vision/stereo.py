@@ -1,0 +1,123 @@
+"""Stereo matching of sparse features along rows (ORB-SLAM2, sec. III-B: row band, Hamming, SAD, parabola)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autowaze.vehicle.vision.compiled import compiled, hamming
+from autowaze.vehicle.vision.orb import Keypoints
+from autowaze.vehicle.vision.pyramid import Pyramid
+
+_HALF_WINDOW_PX = 5  # 11 x 11
+_HALF_SEARCH_PX = 5
+_OUTLIER_COST = 2.1  # times the median SAD
+
+
+def match_stereo(
+    left: Keypoints,
+    right: Keypoints,
+    left_pyramid: Pyramid,
+    right_pyramid: Pyramid,
+    min_disparity_px: float,
+    max_disparity_px: float,
+    max_hamming: int,
+) -> NDArray[np.float32]:
+    """Column in the right image of each left feature, (N,) float32; NaN where none agrees.
+
+    Args:
+        left, right: features of the rectified images.
+        left_pyramid, right_pyramid: their scale pyramids.
+        min_disparity_px, max_disparity_px: range of u_left - u_right.
+        max_hamming: most differing bits.
+    """
+    layout = left_pyramid.layout
+    order = np.argsort(right.uv[:, 1], kind="stable")
+    rows = np.searchsorted(right.uv[order, 1], np.arange(layout.height[0] + 1)).astype(np.int64)
+    u_right, cost = _match_rows(
+        left.uv,
+        left.octave,
+        left.descriptor.view(np.uint64),
+        right.uv[order],
+        right.octave[order],
+        right.descriptor[order].view(np.uint64),
+        rows,
+        left_pyramid.block,
+        right_pyramid.block,
+        layout.width,
+        layout.height,
+        layout.offset,
+        layout.scale,
+        min_disparity_px,
+        max_disparity_px,
+        max_hamming,
+    )
+    matched = np.isfinite(cost)
+    if matched.any():
+        u_right[cost > _OUTLIER_COST * np.median(cost[matched])] = np.nan
+    return u_right
+
+
+@compiled
+def _match_rows(  # type: ignore[no-untyped-def]
+    uv_left, octave_left, words_left, uv_right, octave_right, words_right, rows,
+    block_left, block_right, width, height, offset, scale, min_disparity, max_disparity, max_hamming,
+):  # fmt: skip
+    n = uv_left.shape[0]
+    u_right = np.full(n, np.nan, np.float32)
+    cost = np.full(n, np.nan, np.float32)
+    last_row = rows.shape[0] - 1
+    for i in range(n):
+        octave = np.int64(octave_left[i])
+        band = 2.0 * scale[octave]
+        first = max(np.int64(np.ceil(uv_left[i, 1] - band)), 0)
+        last = min(np.int64(np.floor(uv_left[i, 1] + band)) + 1, last_row)
+        best, best_distance = -1, max_hamming + 0
+        for j in range(rows[min(first, last_row)], rows[last]):
+            disparity = uv_left[i, 0] - uv_right[j, 0]
+            if disparity < min_disparity - 2.0 or disparity > max_disparity:
+                continue
+            if abs(np.int64(octave_right[j]) - octave) > 1:
+                continue
+            distance = np.int64(hamming(words_left[i], words_right[j]))
+            if distance < best_distance:
+                best, best_distance = j, distance
+        if best < 0:
+            continue
+        u, sad = _refine(
+            block_left[offset[octave] :], block_right[offset[octave] :], width[octave], height[octave],
+            uv_left[i, 0] / scale[octave], uv_left[i, 1] / scale[octave], uv_right[best, 0] / scale[octave],
+        )  # fmt: skip
+        disparity = uv_left[i, 0] - u * scale[octave]
+        if min_disparity <= disparity <= max_disparity:
+            u_right[i] = uv_left[i, 0] - disparity
+            cost[i] = sad
+    return u_right, cost
+
+
+@compiled
+def _refine(left, right, width, height, u_left, v, u_right):  # type: ignore[no-untyped-def]
+    """Column of the least SAD near `u_right` to a fraction of a pixel, and that SAD; NaN at a border of the search."""
+    w, s = _HALF_WINDOW_PX, _HALF_SEARCH_PX
+    ul, ur, row = np.int64(np.rint(u_left)), np.int64(np.rint(u_right)), np.int64(np.rint(v))
+    if row - w < 0 or row + w >= height or ul - w < 0 or ul + w >= width or ur - w - s < 0 or ur + w + s >= width:
+        return np.nan, np.nan
+    sad = np.zeros(2 * s + 1, np.int64)
+    centre_left = np.int64(left[row * width + ul])
+    best = 0
+    for d in range(2 * s + 1):
+        centre_right = np.int64(right[row * width + ur + d - s])
+        total = 0
+        for y in range(row - w, row + w + 1):
+            a, b = y * width + ul - w, y * width + ur + d - s - w
+            for x in range(2 * w + 1):
+                total += abs((np.int64(left[a + x]) - centre_left) - (np.int64(right[b + x]) - centre_right))
+        sad[d] = total
+        if total < sad[best]:
+            best = d
+    if best in (0, 2 * s):
+        return np.nan, np.nan
+    before, least, after = sad[best - 1], sad[best], sad[best + 1]
+    curvature = before - 2 * least + after
+    delta = 0.5 * (before - after) / curvature if curvature > 0 else 0.0
+    return u_left + (ur + best - s - ul) + delta, np.float64(least)

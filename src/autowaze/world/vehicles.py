@@ -20,7 +20,7 @@ class VehicleBox:
     Attributes:
         centre: x, y in map metres.
         length_m, width_m: along and across the heading.
-        heading_rad: compass heading of the long axis (clockwise from north); a car has two, front is not told from back.
+        heading_rad: compass heading of the long axis (clockwise from north); front is not told from back.
         group: key of the instance that its points came from, the smallest one if it was seen under several.
         label: class of the vehicle.
         confidence: 0..1, of the class.

@@ -1,0 +1,105 @@
+"""Which landmarks of the drive are news to the map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from autowaze.vehicle.diffing.settings import DiffSettings
+from autowaze.world.labels import ClassLabel, is_movable, is_vehicle
+
+_SPREAD_M = 0.5
+"""Static features are spread over cells of this edge before the best-seen are kept."""
+_KNOWN_FRACTION = 0.5
+"""An instance of which this share lies on stored vehicle features is the stored one."""
+_NEVER_MAPPED = (ClassLabel.PERSON, ClassLabel.ANIMAL)
+
+
+@dataclass
+class Candidates:
+    """Landmarks without a match in the map that the window found, N rows.
+
+    Attributes:
+        landmark_id: (N,) int64.
+        position: (N, 3) float64, metres, map frame.
+        label: (N,) uint8, majority over the window; instance: (N,) int64 likewise, 0 for none.
+        found: (N,) int64, frames that matched it.
+        depth_sigma_m: (N,) float64, of its nearest observation.
+    """
+
+    landmark_id: NDArray[np.int64]
+    position: NDArray[np.float64]
+    label: NDArray[np.uint8]
+    instance: NDArray[np.int64]
+    found: NDArray[np.int64]
+    depth_sigma_m: NDArray[np.float64]
+
+
+def new_features(
+    candidates: Candidates,
+    moving_instances: NDArray[np.int64],
+    stored_vehicles: NDArray[np.float64],
+    settings: DiffSettings,
+) -> NDArray[np.int64]:
+    """Row numbers of the candidates worth sending: described static ones first, then by instance.
+
+    Args:
+        candidates: landmarks that the map lacks.
+        moving_instances: ids of instances that move; their features are traffic, not map.
+        stored_vehicles: (M, 3) positions of the map's vehicle features that are still there.
+        settings: thresholds.
+    """
+    movable = is_movable(candidates.label)
+    enough = np.where(movable, settings.min_found_vehicle, settings.min_found_static)
+    eligible = (
+        (candidates.found >= enough)
+        & (candidates.depth_sigma_m <= settings.max_depth_sigma_m)
+        & ~np.isin(candidates.instance, moving_instances[moving_instances != 0])
+        & ~np.isin(candidates.label, _NEVER_MAPPED)
+    )
+    eligible &= ~_known_instances(candidates, eligible, stored_vehicles, settings)
+    static = _best_spread(candidates, np.flatnonzero(eligible & ~movable), settings.max_new_static)
+    instanced = _best_per_instance(candidates, np.flatnonzero(eligible & movable), settings.max_per_instance)
+    return np.concatenate([static, instanced])
+
+
+def _known_instances(
+    candidates: Candidates, eligible: NDArray[np.bool_], stored: NDArray[np.float64], settings: DiffSettings
+) -> NDArray[np.bool_]:
+    """Mask (N,) of the vehicle features whose instance the map holds already."""
+    known = np.zeros(len(eligible), np.bool_)
+    vehicle = eligible & is_vehicle(candidates.label)
+    if not len(stored) or not vehicle.any():
+        return known
+    near, _ = cKDTree(stored).query(candidates.position[vehicle], distance_upper_bound=settings.known_radius_m)
+    explained = np.isfinite(near)
+    _, group = np.unique(candidates.instance[vehicle], return_inverse=True)
+    share = np.bincount(group, weights=explained) / np.bincount(group)
+    known[vehicle] = share[group] >= _KNOWN_FRACTION
+    return known
+
+
+def _best_spread(candidates: Candidates, rows: NDArray[np.int64], limit: int) -> NDArray[np.int64]:
+    """At most `limit` rows: the best-seen of each cell, then the second-best, and so on."""
+    cell = np.floor(candidates.position[rows] / _SPREAD_M).astype(np.int64)
+    order = np.lexsort((candidates.landmark_id[rows], -candidates.found[rows], cell[:, 2], cell[:, 1], cell[:, 0]))
+    rows, cell = rows[order], cell[order]
+    if len(rows) <= limit:
+        return rows
+    starts = np.r_[True, (np.diff(cell, axis=0) != 0).any(axis=1)]
+    rank = np.arange(len(rows)) - np.maximum.accumulate(np.where(starts, np.arange(len(rows)), 0))
+    best = np.lexsort((candidates.landmark_id[rows], -candidates.found[rows], rank))[:limit]
+    return rows[np.sort(best)]
+
+
+def _best_per_instance(candidates: Candidates, rows: NDArray[np.int64], limit: int) -> NDArray[np.int64]:
+    """At most `limit` best-seen rows of each instance, sorted by instance."""
+    instance = candidates.instance[rows]
+    order = np.lexsort((candidates.landmark_id[rows], -candidates.found[rows], instance))
+    rows, instance = rows[order], instance[order]
+    starts = np.r_[True, np.diff(instance) != 0] if len(rows) else np.zeros(0, np.bool_)
+    rank = np.arange(len(rows)) - np.maximum.accumulate(np.where(starts, np.arange(len(rows)), 0))
+    return np.asarray(rows[(rank < limit) | (instance == 0)], dtype=np.int64)

@@ -1,0 +1,46 @@
+"""What can be set about the semantic map diff."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class DiffSettings(BaseModel):
+    """Thresholds of persistent, new and removed.
+
+    Attributes:
+        window_s: length of a time window (thesis, sec. 4.5: five seconds).
+        min_visible_frames: a stored feature counts as looked for when that many frames predict it visible.
+        max_position_sigma_m: frames whose pose is less certain say nothing about what is gone.
+        min_localized_fraction: a window with fewer localized frames sends no removals.
+        min_match_ratio: share of the features predicted visible that must match for a miss to mean anything; below
+            it the light or the pose is to blame.
+        gone_match_ratio: a group of which at most this share matches has gone as a whole.
+        min_group: features that must be looked for before a group's absence counts.
+        neighbourhood_m: background features within a cell of this edge form a group.
+        min_found_static, min_found_vehicle: frames that must have matched a new feature. Cars are passed in 6 to 12
+            frames, so theirs are few.
+        max_depth_sigma_m: a new feature must have been seen near enough for its depth to be this certain.
+        max_new_static: described features per window; the best-seen ones, spread in space.
+        max_per_instance: features per instance.
+        known_radius_m: a vehicle feature this near to a stored one of the same place is no news.
+        trajectory_interval_s: time between points of the trajectory.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    window_s: float = Field(default=5.0, gt=0, le=3600)
+    min_visible_frames: int = Field(default=3, ge=1)
+    max_position_sigma_m: float = Field(default=0.15, gt=0)
+    min_localized_fraction: float = Field(default=0.5, ge=0, le=1)
+    min_match_ratio: float = Field(default=0.25, ge=0, le=1)
+    gone_match_ratio: float = Field(default=0.1, ge=0, le=1)
+    min_group: int = Field(default=4, ge=1)
+    neighbourhood_m: float = Field(default=1.0, gt=0)
+    min_found_static: int = Field(default=3, ge=1)
+    min_found_vehicle: int = Field(default=2, ge=1)
+    max_depth_sigma_m: float = Field(default=0.35, gt=0)
+    max_new_static: int = Field(default=1000, ge=0)
+    max_per_instance: int = Field(default=120, ge=1)
+    known_radius_m: float = Field(default=0.35, gt=0)
+    trajectory_interval_s: float = Field(default=1.0, gt=0)

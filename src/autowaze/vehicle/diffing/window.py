@@ -1,0 +1,288 @@
+"""A time window of observations and the diff that it closes with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from autowaze.vehicle.diffing.instances import InstanceRecord
+from autowaze.vehicle.diffing.novelty import Candidates, new_features
+from autowaze.vehicle.diffing.removal import LookedFor, removed_features
+from autowaze.vehicle.diffing.settings import DiffSettings
+from autowaze.vehicle.diffing.tally import Tally
+from autowaze.vehicle.diffing.visibility import Sight, sight_of
+from autowaze.vehicle.ground import GroundGrid, GroundObservation
+from autowaze.vehicle.semantics.motion import Motions
+from autowaze.vehicle.slam.landmarks import Landmarks
+from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
+from autowaze.world.camera import StereoCamera
+from autowaze.world.feature_map import FeatureMap, MapFeatures
+from autowaze.world.features import CameraFeatures
+from autowaze.world.georeference import Georeference
+from autowaze.world.identity import MAX_FEATURES_PER_DIFF, feature_ids, instance_keys
+from autowaze.world.instances import Tracks
+from autowaze.world.labels import is_vehicle
+from autowaze.world.map_diff import SemanticMapDiff, Trajectory
+from autowaze.world.pose import heading_of, transform
+
+_STEREO_SIGMA_PX = 0.3  # of sub-pixel sparse stereo
+_MATCHED = len(Sight)
+_NO_DEPTH_M = 1e3
+_LABEL_BITS = 4
+_SUPPORT_RANGE_M = 25.0
+
+
+@dataclass(frozen=True)
+class FrameObservation:
+    """Everything that one frame contributes to the diff."""
+
+    tracked: TrackedFrame
+    features: CameraFeatures
+    tracks: Tracks
+    motions: Motions
+    ground: GroundObservation | None
+
+
+class DiffWindow:
+    """Gathers frames and closes with what changed against the stored map."""
+
+    def __init__(
+        self,
+        camera: StereoCamera,
+        session: int,
+        settings: DiffSettings,
+        stored_map: FeatureMap | None = None,
+        georeference: Georeference | None = None,
+    ) -> None:
+        self.camera = camera
+        self.session = session
+        self.settings = settings
+        self.georeference = georeference
+        self._stored = stored_map or FeatureMap(georeference=georeference)
+        self._sequence = 0
+        self._sent = np.zeros(0, np.int64)
+        self._removed = np.zeros(0, np.uint64)
+        self._open()
+
+    @property
+    def start(self) -> float | None:
+        """Time of the window's first frame; None while it is empty."""
+        return self._times[0] if self._times else None
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether a frame as long after the last one as that came after its own predecessor would be too late."""
+        if len(self._times) < 2:
+            return False
+        interval = self._times[-1] - self._times[-2]
+        return self._times[-1] - self._times[0] + interval >= self.settings.window_s - interval / 2
+
+    def add(self, observation: FrameObservation, landmarks: Landmarks) -> None:
+        """Count one frame."""
+        tracked = observation.tracked
+        self._times.append(tracked.timestamp)
+        if not tracked.is_trustworthy:
+            return
+        self._note_path(tracked)
+        self._note_found(tracked.landmark_id, observation.features)
+        self._instances.add(observation.tracks, observation.motions, tracked.T_map_cam)
+        if observation.ground is not None:
+            self._ground.add(observation.ground)
+        if self._can_judge(tracked):
+            self._note_stored(observation, landmarks)
+
+    def close(self, landmarks: Landmarks) -> SemanticMapDiff:
+        """The window's diff; the next window opens."""
+        removed = self._removed_ids(landmarks)
+        self._removed = np.union1d(self._removed, removed)
+        new, sent = self._new_features(landmarks)
+        self._sent = np.union1d(self._sent, sent)
+        positions = self._path_positions()
+        diff = SemanticMapDiff(
+            session=self.session,
+            sequence=self._sequence,
+            start=self._times[0],
+            end=self._times[-1],
+            map_version=self._stored.version,
+            georeference=self.georeference,
+            frames=len(self._times),
+            localized_frames=len(self._sigmas),
+            position_sigma_m=float(np.median(self._sigmas)) if self._sigmas else 0.0,
+            new=new,
+            removed=removed,
+            instances=self._instances.summaries(np.unique(new.instance_key)),
+            ground=self._ground.cells(),
+            traffic=self._instances.traffic(),
+            trajectory=positions,
+        )
+        self._sequence += 1
+        self._open()
+        return diff
+
+    def _open(self) -> None:
+        self._times: list[float] = []
+        self._sigmas: list[float] = []
+        self._path: list[tuple[float, NDArray[np.float64], float]] = []
+        self._found = Tally()
+        self._depths: list[NDArray[np.float64]] = []
+        self._looked_for = Tally()
+        self._looked_for_plain = Tally()
+        self._ground = GroundGrid()
+        self._instances = InstanceRecord(self.session)
+
+    def _note_path(self, tracked: TrackedFrame) -> None:
+        self._sigmas.append(_position_sigma(tracked))
+        if not self._path or tracked.timestamp >= self._path[-1][0] + self.settings.trajectory_interval_s - 1e-6:
+            self._path.append((tracked.timestamp, tracked.T_map_cam[:3, 3].copy(), heading_of(tracked.T_map_cam)))
+
+    def _path_positions(self) -> Trajectory:
+        if not self._path:
+            return Trajectory.empty()
+        times, positions, headings = zip(*self._path, strict=True)
+        return Trajectory(np.array(times), np.array(positions), np.array(headings, dtype=np.float32))
+
+    def _note_found(self, landmark_id: NDArray[np.int64], features: CameraFeatures) -> None:
+        """Landmarks that the frame matched, with the label and instance that their features have."""
+        hit = landmark_id >= 0
+        label_and_instance = (features.instance_id[hit].astype(np.int64) << _LABEL_BITS) | features.label[hit]
+        self._found.add(landmark_id[hit], label_and_instance)
+        self._depths.append(np.nan_to_num(features.depth[hit].astype(np.float64), nan=_NO_DEPTH_M))
+
+    def _can_judge(self, tracked: TrackedFrame) -> bool:
+        return (
+            len(self._stored) > 0
+            and tracked.state is TrackingState.LOCALIZED
+            and _position_sigma(tracked) <= self.settings.max_position_sigma_m
+        )
+
+    def _note_stored(self, observation: FrameObservation, landmarks: Landmarks) -> None:
+        """What the frame says about the stored features that it should have seen."""
+        tracked, ground = observation.tracked, observation.ground
+        matched = tracked.landmark_id[tracked.landmark_id >= 0]
+        self._looked_for.add(matched, _MATCHED)
+        missed = np.setdiff1d(tracked.visible_id, matched)
+        rows = landmarks.rows(missed)
+        rows = rows[rows >= 0]
+        rows = rows[landmarks.map_id[rows] != 0]
+        points = landmarks.position[rows]
+        if ground is None:
+            self._looked_for.add(landmarks.id[rows], int(Sight.UNKNOWN))
+        else:
+            self._looked_for.add(landmarks.id[rows], sight_of(points, tracked.T_map_cam, ground.depth, ground.camera))
+            self._note_undescribed(observation, ground)
+
+    def _note_undescribed(self, observation: FrameObservation, ground: GroundObservation) -> None:
+        """The same for stored features without descriptor, by what features lie where they should."""
+        tracked, stored = observation.tracked, self._stored.features
+        offset = stored.position - tracked.T_map_cam[:3, 3]
+        near = np.flatnonzero(~stored.described & (np.einsum("ij,ij->i", offset, offset) < _SUPPORT_RANGE_M**2))
+        if not len(near):
+            return
+        sight = sight_of(stored.position[near], tracked.T_map_cam, ground.depth, ground.camera)
+        near, sight = near[sight != Sight.HIDDEN], sight[sight != Sight.HIDDEN]
+        features = observation.features[observation.features.has_depth & is_vehicle(observation.features.label)]
+        seen = transform(tracked.T_map_cam, features.position_cam)
+        supported = _any_within(seen, stored.position[near], self.settings.known_radius_m)
+        self._looked_for_plain.add(near, np.where(supported, _MATCHED, sight))
+
+    def _looked_for_rows(self, landmarks: Landmarks) -> LookedFor:
+        """What the window says of every stored feature that it looked for."""
+        described = self._looked_for_described(landmarks)
+        row, table = self._looked_for_plain.table(_MATCHED + 1)
+        plain = self._stored.features[row]
+        return LookedFor(
+            np.concatenate([described.map_id, plain.id]),
+            np.concatenate([described.position, plain.position]),
+            np.concatenate([described.instance_key, plain.instance_key]),
+            np.concatenate([described.matched, table[:, _MATCHED]]),
+            np.concatenate([described.sights, table[:, :_MATCHED]]),
+        )
+
+    def _looked_for_described(self, landmarks: Landmarks) -> LookedFor:
+        ids, table = self._looked_for.table(_MATCHED + 1)
+        rows = landmarks.rows(ids)
+        keep = rows >= 0
+        keep[keep] = landmarks.map_id[rows[keep]] != 0
+        rows, table = rows[keep], table[keep]
+        map_id = landmarks.map_id[rows]
+        at = np.searchsorted(self._stored.features.id, map_id)
+        return LookedFor(
+            map_id,
+            landmarks.position[rows],
+            self._stored.features.instance_key[at],
+            table[:, _MATCHED],
+            table[:, :_MATCHED],
+        )
+
+    def _removed_ids(self, landmarks: Landmarks) -> NDArray[np.uint64]:
+        if len(self._sigmas) < self.settings.min_localized_fraction * len(self._times):
+            return np.zeros(0, np.uint64)
+        seen = self._looked_for_rows(landmarks)
+        removed = seen.map_id[removed_features(seen, self.settings)]
+        return np.setdiff1d(removed, self._removed)
+
+    def _new_features(self, landmarks: Landmarks) -> tuple[MapFeatures, NDArray[np.int64]]:
+        """New features in wire order, and the landmarks that they are."""
+        candidates = self._candidates(landmarks)
+        stored = self._stored.features
+        still_there = is_vehicle(stored.label) & ~np.isin(stored.id, self._removed)
+        chosen = new_features(candidates, self._instances.moving_ids(), stored.position[still_there], self.settings)[
+            :MAX_FEATURES_PER_DIFF
+        ]
+        rows = landmarks.rows(candidates.landmark_id[chosen])
+        described = ~is_vehicle(candidates.label[chosen])
+        n = len(chosen)
+        return MapFeatures(
+            id=feature_ids(self.session, self._sequence, n),
+            position=candidates.position[chosen],
+            descriptor=landmarks.descriptor[rows] * described[:, None].astype(np.uint8),
+            normal=landmarks.normal[rows].copy(),
+            min_distance=landmarks.min_distance[rows].copy(),
+            max_distance=landmarks.max_distance[rows].copy(),
+            label=candidates.label[chosen],
+            instance_key=instance_keys(self.session, candidates.instance[chosen]),
+            first_seen=landmarks.first_seen[rows].copy(),
+            last_seen=landmarks.last_seen[rows].copy(),
+            observations=np.minimum(candidates.found[chosen], 0xFFFF).astype(np.uint16),
+        ), candidates.landmark_id[chosen]
+
+    def _candidates(self, landmarks: Landmarks) -> Candidates:
+        ids, found = self._found.counts()
+        nearest = _smallest_by_id(self._found.pairs()[0], self._depths)
+        label_and_instance = self._found.majority()[1]
+        rows = landmarks.rows(ids)
+        keep = (rows >= 0) & ~np.isin(ids, self._sent)
+        keep[keep] = landmarks.map_id[rows[keep]] == 0
+        return Candidates(
+            landmark_id=ids[keep],
+            position=landmarks.position[rows[keep]],
+            label=(label_and_instance[keep] & ((1 << _LABEL_BITS) - 1)).astype(np.uint8),
+            instance=label_and_instance[keep] >> _LABEL_BITS,
+            found=found[keep],
+            depth_sigma_m=nearest[keep] ** 2 * _STEREO_SIGMA_PX / self.camera.bf,
+        )
+
+
+def _position_sigma(tracked: TrackedFrame) -> float:
+    """One standard deviation of the horizontal position, metres."""
+    return float(np.sqrt(max(np.trace(tracked.covariance[:2, :2]), 0.0)))
+
+
+def _any_within(points: NDArray[np.float64], places: NDArray[np.float64], radius_m: float) -> NDArray[np.bool_]:
+    """Mask (N,) of the places (N, 3) with a point (M, 3) within the radius."""
+    if not len(points):
+        return np.zeros(len(places), np.bool_)
+    return np.asarray(np.isfinite(cKDTree(points).query(places, distance_upper_bound=radius_m)[0]))
+
+
+def _smallest_by_id(ids: NDArray[np.int64], values: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Smallest value of each id, in the order of the sorted unique ids."""
+    if not len(ids):
+        return np.zeros(0)
+    flat = np.concatenate(values)
+    order = np.argsort(ids, kind="stable")
+    starts = np.flatnonzero(np.r_[True, np.diff(ids[order]) != 0])
+    return np.asarray(np.minimum.reduceat(flat[order], starts), dtype=np.float64)

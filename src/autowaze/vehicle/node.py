@@ -1,0 +1,160 @@
+"""The whole car in one page (thesis, Fig. 3.2): stereo frames in, semantic map diffs out."""
+
+from __future__ import annotations
+
+import secrets
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from autowaze.vehicle.diffing import DiffSettings, DiffWindow, FrameObservation
+from autowaze.vehicle.ground import GroundObservation, GroundObserver
+from autowaze.vehicle.semantics.association import associate
+from autowaze.vehicle.semantics.motion import MotionClassifier
+from autowaze.vehicle.semantics.perception import SemanticPerception
+from autowaze.vehicle.semantics.segmenter import Segmenter
+from autowaze.vehicle.slam.slam import StereoSlam
+from autowaze.vehicle.vision.extractor import FeatureExtractor
+from autowaze.world.camera import StereoCamera
+from autowaze.world.feature_map import FeatureMap
+from autowaze.world.frame import StereoFrame
+from autowaze.world.georeference import Georeference
+from autowaze.world.identity import SESSION_BITS
+from autowaze.world.instances import Detections, Tracks
+from autowaze.world.map_diff import SemanticMapDiff
+from autowaze.world.pose import Pose, heading_to_rotation, inverse, make_pose
+from autowaze.world.stage_times import StageTimes
+
+
+class NodeSettings(BaseModel):
+    """What can be set about a car.
+
+    Attributes:
+        segment_every: run the segmentation network on every n-th frame.
+        ground_every: look at the ground in every n-th frame.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    diff: DiffSettings = Field(default_factory=DiffSettings)
+    segment_every: int = Field(default=1, ge=1)
+    ground_every: int = Field(default=2, ge=1)
+
+
+@dataclass(frozen=True)
+class StartingPoint:
+    """What a car knows of where it starts.
+
+    Attributes:
+        georeference: origin of the map frame; None takes the stored map's, else the first GNSS fix.
+        T_map_cam: pose of the first frame where it is known exactly, as by a survey.
+    """
+
+    georeference: Georeference | None = None
+    T_map_cam: Pose | None = field(default=None)
+
+
+class VehicleNode:
+    """One car: feed it frames, send the diffs that it returns."""
+
+    def __init__(
+        self,
+        camera: StereoCamera,
+        segmenter: Segmenter,
+        settings: NodeSettings | None = None,
+        stored_map: FeatureMap | None = None,
+        start: StartingPoint | None = None,
+        session: int | None = None,
+    ) -> None:
+        self.camera = camera
+        self.settings = settings or NodeSettings()
+        self.stored_map = stored_map
+        self.session = secrets.randbits(SESSION_BITS) if session is None else session
+        self.times = StageTimes()
+        self.observation: FrameObservation | None = None
+        self._start = start or StartingPoint()
+        self._extractor = FeatureExtractor(camera)
+        self._perception = SemanticPerception(segmenter, self.settings.segment_every, camera)
+        self._motion = MotionClassifier(camera)
+        self._ground = GroundObserver(camera)
+        self._segmentation_thread = ThreadPoolExecutor(1, "segmentation")
+        self._poses: list[Pose] = []
+        self._frames = 0
+
+    def process(self, frame: StereoFrame) -> SemanticMapDiff | None:
+        """Take in the next frame; the diff of the window that it completes, if it does."""
+        if self._frames == 0:
+            self._begin(frame)
+        detecting = self._segmentation_thread.submit(self._detect, frame)
+        with self.times.stage("features"):
+            features = self._extractor.extract(frame)
+        detections = detecting.result()
+        with self.times.stage("object tracking"):
+            tracks = self._perception.track(detections, features, self._predicted_pose())
+        with self.times.stage("association"):
+            features = associate(features, tracks)
+        with self.times.stage("slam"):
+            on_moving = np.isin(features.instance_id, self._motion.moving_ids)
+            tracked = self.slam.track(
+                features, frame.timestamp, frame.index, gnss_position=self._gnss_position(frame), moving=on_moving
+            )
+        with self.times.stage("motion"):
+            motions = self._motion.update(features, tracked.T_map_cam, frame.timestamp)
+        with self.times.stage("ground"):
+            ground = self._look_at_ground(frame, tracked.T_map_cam, tracks) if tracked.is_trustworthy else None
+        self._poses = [*self._poses[-1:], tracked.T_map_cam]
+        self._frames += 1
+        self.observation = FrameObservation(tracked, features, tracks, motions, ground)
+        with self.times.stage("diff"):
+            self.window.add(self.observation, self.slam.landmarks)
+            return self.window.close(self.slam.landmarks) if self.window.is_complete else None
+
+    def finish(self) -> SemanticMapDiff | None:
+        """The diff of the last, shorter window; the car can take no more frames."""
+        self._segmentation_thread.shutdown()
+        if self._frames == 0:
+            return None
+        self.slam.finish()
+        return self.window.close(self.slam.landmarks) if self.window.start is not None else None
+
+    def _begin(self, frame: StereoFrame) -> None:
+        """Set out from what is known: the stored map, the start, the first fix."""
+        stored, fix = self.stored_map, frame.gnss
+        self.georeference = self._start.georeference or (stored.georeference if stored else None)
+        if self.georeference is None and fix is not None:
+            self.georeference = Georeference(fix.lat_deg, fix.lon_deg, fix.altitude_m)
+        position, T_start = self._gnss_position(frame), self._start.T_map_cam
+        if T_start is None and not stored and fix is not None and position is not None:
+            T_start = make_pose(heading_to_rotation(fix.heading_rad or 0.0), position)
+        prior = None if fix is None or position is None else (position, fix.horizontal_sigma_m)
+        # Features without descriptor are for the diff, nobody can localise by them.
+        localizing = FeatureMap(stored.features[stored.features.described], stored.georeference) if stored else None
+        self.slam = StereoSlam(self.camera, stored_map=localizing, T_map_start=T_start, position_prior=prior)
+        self.window = DiffWindow(self.camera, self.session, self.settings.diff, stored, self.georeference)
+
+    def _detect(self, frame: StereoFrame) -> Detections:
+        with self.times.stage("segmentation"):
+            return self._perception.detect(frame)
+
+    def _predicted_pose(self) -> Pose | None:
+        """The pose that constant velocity predicts for this frame."""
+        if len(self._poses) < 2:
+            return self._poses[-1] if self._poses else None
+        before, last = self._poses
+        return last @ inverse(before) @ last
+
+    def _gnss_position(self, frame: StereoFrame) -> NDArray[np.float64] | None:
+        if frame.gnss is None or self.georeference is None:
+            return None
+        fix = frame.gnss
+        return self.georeference.to_map(np.array([[fix.lon_deg, fix.lat_deg]]), fix.altitude_m)[0]
+
+    def _look_at_ground(self, frame: StereoFrame, T_map_cam: Pose, tracks: Tracks) -> GroundObservation | None:
+        if self._frames % self.settings.ground_every:
+            return None
+        moving = np.isin(tracks.id, self._motion.moving_ids)
+        mask = tracks.mask[moving].any(axis=0) if moving.any() else None
+        return self._ground.observe(frame, T_map_cam, mask)

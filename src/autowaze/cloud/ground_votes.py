@@ -1,0 +1,87 @@
+"""What cars saw of the ground of each spot, window by window."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autowaze.cloud.spots import SpotIndex, cell_codes, cells_of_codes
+from autowaze.world.ground import CELL_M, GroundCells
+from autowaze.world.map_diff import SemanticMapDiff
+
+MAX_WINDOWS = 16
+"""Windows kept per spot, the newest; which ones does not depend on the order of arrival."""
+_BLOCK_CELLS = 16
+
+
+class WindowVotes(NamedTuple):
+    """What one window saw of a spot; sorts by time.
+
+    `free` and `obstacle` are (C,) uint8 frames per cell of the spot's raster, saturating.
+    """
+
+    end: float
+    session: int
+    sequence: int
+    free: NDArray[np.uint8]
+    obstacle: NDArray[np.uint8]
+
+    @property
+    def key(self) -> tuple[float, int, int]:
+        """Order of the windows."""
+        return self.end, self.session, self.sequence
+
+
+class GroundVotes:
+    """Ground cells of diffs, sorted into the spots that they lie in."""
+
+    def __init__(self, spots: SpotIndex) -> None:
+        self._spots = spots
+        self._windows: dict[int, list[WindowVotes]] = {}
+
+    def add(self, diff: SemanticMapDiff) -> NDArray[np.int64]:
+        """Note the ground of one diff; returns the spots (T,) of which it saw something, sorted."""
+        candidates = self._spots_near(diff.ground)
+        if len(candidates) == 0:
+            return candidates
+        rasters = [self._spots.raster(spot)[0] for spot in candidates.tolist()]
+        free, obstacle = _look_up(diff.ground, np.concatenate(rasters))
+        seen = []
+        start = 0
+        for spot, raster in zip(candidates.tolist(), rasters, strict=True):
+            cells = slice(start, start := start + len(raster))
+            if (free[cells] | obstacle[cells]).any():
+                self._note(spot, WindowVotes(diff.end, diff.session, diff.sequence, free[cells], obstacle[cells]))
+                seen.append(spot)
+        return np.array(seen, dtype=np.int64)
+
+    def windows(self, spot: int) -> list[WindowVotes]:
+        """What is kept of a spot, oldest first."""
+        return self._windows.get(spot, [])
+
+    def seen_share(self, spot: int) -> float:
+        """Share of the spot's cells that any window saw, 0..1."""
+        seen = [window.free | window.obstacle for window in self.windows(spot)]
+        return float(np.mean(np.bitwise_or.reduce(seen) > 0)) if seen else 0.0
+
+    def _note(self, spot: int, window: WindowVotes) -> None:
+        kept = [*self._windows.get(spot, []), window]
+        self._windows[spot] = sorted(kept, key=lambda w: w.key)[-MAX_WINDOWS:]
+
+    def _spots_near(self, ground: GroundCells) -> NDArray[np.int64]:
+        """Spots (N,) that the blocks of 4 m around the cells touch, sorted: no more work than there are cells."""
+        blocks = np.unique(cell_codes(ground.ix // _BLOCK_CELLS, ground.iy // _BLOCK_CELLS))
+        low = np.stack(cells_of_codes(blocks), axis=1) * (_BLOCK_CELLS * CELL_M)
+        return self._spots.touching(low, low + _BLOCK_CELLS * CELL_M)
+
+
+def _look_up(ground: GroundCells, codes: NDArray[np.int64]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Votes (C,) for the cells with these codes, 0 for cells that were not seen."""
+    known = cell_codes(ground.ix, ground.iy)
+    order = np.argsort(known)
+    row = order[np.searchsorted(known, codes, sorter=order).clip(max=len(known) - 1)]
+    hit = known[row] == codes
+    free, obstacle = (np.minimum(votes[row], 255) * hit for votes in (ground.free, ground.obstacle))
+    return free.astype(np.uint8), obstacle.astype(np.uint8)

@@ -1,0 +1,87 @@
+"""What the cars say of the instances that they saw, summed up over windows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autowaze.world.columns import Columns
+from autowaze.world.labels import ClassLabel
+from autowaze.world.map_diff import SemanticMapDiff
+
+
+@dataclass
+class InstanceViews(Columns):
+    """Instances as seen over all windows, N rows.
+
+    Attributes:
+        key: (N,) uint64, `world.identity.instance_keys`.
+        label: (N,) uint8, the `ClassLabel` that most frames gave it; background where no window told.
+        confidence: (N,) float64, mean over the frames.
+        view_direction: (N, 2) float64, mean horizontal vector from the camera to it, map frame, at most of length 1;
+            zero where no window told.
+        frames: (N,) int64.
+        seen_at: (N,) float64, end of the last window that it was seen in, seconds since the epoch; 0 where none told.
+    """
+
+    key: NDArray[np.uint64]
+    label: NDArray[np.uint8]
+    confidence: NDArray[np.float64]
+    view_direction: NDArray[np.float64]
+    frames: NDArray[np.int64]
+    seen_at: NDArray[np.float64]
+
+
+_Summary = tuple[int, float, float, float, int, float]
+"""label, confidence, view x, view y, frames, end of the window."""
+
+
+class InstanceTable:
+    """Summaries by instance key and window; asked in any order of arrival it answers the same."""
+
+    def __init__(self) -> None:
+        self._windows: dict[int, dict[int, _Summary]] = {}
+
+    def __len__(self) -> int:
+        return len(self._windows)
+
+    def add(self, keys: NDArray[np.uint64], diff: SemanticMapDiff) -> None:
+        """Note the instances of one diff; keys (N,) are those of `diff.instances`."""
+        rows = diff.instances
+        columns = (rows.label, rows.confidence, rows.view_direction[:, 0], rows.view_direction[:, 1], rows.frames)
+        values = zip(keys.tolist(), *(column.tolist() for column in columns), strict=True)
+        for key, label, confidence, view_x, view_y, frames in values:
+            window = (label, confidence, view_x, view_y, frames, diff.end)
+            self._windows.setdefault(key, {})[diff.sequence] = window
+
+    def views(self, keys: NDArray[np.uint64]) -> InstanceViews:
+        """Rows for these keys, in their order."""
+        rows = [_summed_up(self._windows.get(key, {})) for key in keys.tolist()]
+        table = np.array(rows, dtype=np.float64).reshape(-1, 6)
+        return InstanceViews(
+            key=keys,
+            label=table[:, 0].astype(np.uint8),
+            confidence=table[:, 1],
+            view_direction=table[:, 2:4],
+            frames=table[:, 4].astype(np.int64),
+            seen_at=table[:, 5],
+        )
+
+
+def _summed_up(windows: dict[int, _Summary]) -> _Summary:
+    """Mean over the frames of all windows, in the order of the windows so that sums come out the same bit for bit."""
+    frames, confidence, view_x, view_y, seen_at = 0, 0.0, 0.0, 0.0, 0.0
+    votes: dict[int, int] = {}
+    for sequence in sorted(windows):
+        label, c, x, y, n, end = windows[sequence]
+        n = max(n, 1)
+        frames += n
+        confidence, view_x, view_y = confidence + c * n, view_x + x * n, view_y + y * n
+        votes[label] = votes.get(label, 0) + n
+        seen_at = max(seen_at, end)
+    if not frames:
+        return int(ClassLabel.BACKGROUND), 0.0, 0.0, 0.0, 0, 0.0
+    label = max(sorted(votes), key=lambda candidate: votes[candidate])
+    return label, confidence / frames, view_x / frames, view_y / frames, frames, seen_at

@@ -1,0 +1,157 @@
+"""Semantic map diff -> stored map: new features in, removed features out (thesis, sec. 3.3.1).
+
+The map is a set of features and a set of ids that were reported gone, so the same diffs give the same map in
+whatever order and however often they arrive. Features are kept in one block per diff that brought them: an id names
+its block, hence integrating a diff costs what the diff touches, however large the map is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autowaze.cloud.instances import InstanceTable
+from autowaze.cloud.validation import RefusedDiffError
+from autowaze.world.feature_map import FeatureMap, MapFeatures
+from autowaze.world.georeference import Georeference
+from autowaze.world.identity import ROW_BITS, SEQUENCE_BITS, instance_keys
+from autowaze.world.labels import is_vehicle
+from autowaze.world.map_diff import SemanticMapDiff
+
+MAX_AWAITED_REMOVALS = 1 << 22
+"""Removed ids whose features have not arrived; more than this is no reordering but an attack."""
+
+
+@dataclass(frozen=True)
+class MapChange:
+    """What one diff changed in the stored map.
+
+    Attributes:
+        added: features that are in the map now and were not.
+        removed: (R,) uint64, sorted ids of features that were in the map and are not.
+        instances: (K,) uint64, sorted keys of the instances that gained or lost features or were seen again.
+    """
+
+    added: MapFeatures
+    removed: NDArray[np.uint64]
+    instances: NDArray[np.uint64]
+
+
+class MapState:
+    """The map that the service keeps true."""
+
+    def __init__(self, base_map: FeatureMap | None = None, georeference: Georeference | None = None) -> None:
+        base_map = base_map or FeatureMap()
+        self.georeference = base_map.georeference or georeference
+        self.instances = InstanceTable()
+        self._base_version = base_map.version
+        self._blocks: dict[int, MapFeatures] = {}
+        self._accepted: dict[int, int] = {}
+        self._accepted_count = 0
+        self._awaited_removals: dict[int, set[int]] = {}
+        self._awaited_count = 0
+        self._blocks_of_instance: dict[int, set[int]] = {}
+        for number, block in _by_block(base_map.features):
+            self._insert(number, block)
+
+    @property
+    def version(self) -> int:
+        """Version of the base map plus the number of diffs integrated since."""
+        return self._base_version + self._accepted_count
+
+    @property
+    def features(self) -> MapFeatures:
+        """Every feature of the map, sorted by id; costs the whole map."""
+        blocks = [self._blocks[number] for number in sorted(self._blocks)]
+        return MapFeatures.concatenate(blocks) if blocks else MapFeatures.empty()
+
+    def knows(self, diff: SemanticMapDiff) -> bool:
+        """Whether the diff was integrated already."""
+        return bool(self._accepted.get(diff.session, 0) >> diff.sequence & 1)
+
+    def integrate(self, diff: SemanticMapDiff) -> MapChange | None:
+        """Take in a checked diff; None if it was integrated before.
+
+        Raises:
+            RefusedDiffError: it removes more features that never arrived than can be waited for. Nothing has changed.
+        """
+        if self.knows(diff):
+            return None
+        if self._awaited_count + len(diff.removed) > MAX_AWAITED_REMOVALS:
+            raise RefusedDiffError("too many features removed that are not in the map; send the additions first")
+        self._accepted[diff.session] = self._accepted.get(diff.session, 0) | 1 << diff.sequence
+        self._accepted_count += 1
+        added = self._add(_block_of(diff), diff.new)
+        removed = self._remove(diff.removed)
+        own = instance_keys(diff.session, diff.instances.id)
+        self.instances.add(own, diff)
+        touched = np.concatenate([added.instance_key, removed.instance_key, own])
+        touched = np.unique(touched[touched != 0])
+        lasting = ~np.isin(added.id, removed.id)
+        gone = np.setdiff1d(removed.id, added.id, assume_unique=True)
+        return MapChange(added[lasting], gone, touched)
+
+    def vehicle_features(self, instances: NDArray[np.uint64]) -> MapFeatures:
+        """Features with a vehicle's label that belong to these instances, sorted by id."""
+        numbers = sorted({n for key in instances.tolist() for n in self._blocks_of_instance.get(key, ())})
+        if not numbers:
+            return MapFeatures.empty()
+        parts = []
+        for number in numbers:
+            block = self._blocks[number]
+            parts.append(block[is_vehicle(block.label) & np.isin(block.instance_key, instances)])
+        return MapFeatures.concatenate(parts)
+
+    def _add(self, number: int, features: MapFeatures) -> MapFeatures:
+        if number in self._blocks:
+            return MapFeatures.empty()
+        awaited = self._awaited_removals.pop(number, set())
+        self._awaited_count -= len(awaited)
+        if awaited:
+            features = features[~np.isin(features.id, np.fromiter(awaited, np.uint64, len(awaited)))]
+        self._insert(number, features)
+        return features
+
+    def _insert(self, number: int, features: MapFeatures) -> None:
+        self._blocks[number] = features
+        for key in np.unique(features.instance_key[is_vehicle(features.label)]).tolist():
+            if key:
+                self._blocks_of_instance.setdefault(key, set()).add(number)
+
+    def _remove(self, ids: NDArray[np.uint64]) -> MapFeatures:
+        gone = []
+        numbers = ids >> np.uint64(ROW_BITS)
+        for number in np.unique(numbers).tolist():
+            of_block = ids[numbers == np.uint64(number)]
+            block = self._blocks.get(number)
+            if block is not None:
+                is_gone = np.isin(block.id, of_block)
+                gone.append(block[is_gone])
+                self._blocks[number] = block[~is_gone]
+            elif not self._arrived(number):
+                awaited = self._awaited_removals.setdefault(number, set())
+                self._awaited_count -= len(awaited)
+                awaited.update(of_block.tolist())
+                self._awaited_count += len(awaited)
+        return MapFeatures.concatenate(gone) if gone else MapFeatures.empty()
+
+    def _arrived(self, number: int) -> bool:
+        session, sequence = number >> SEQUENCE_BITS, number & ((1 << SEQUENCE_BITS) - 1)
+        return bool(self._accepted.get(session, 0) >> sequence & 1)
+
+
+def _block_of(diff: SemanticMapDiff) -> int:
+    return diff.session << SEQUENCE_BITS | diff.sequence
+
+
+def _by_block(features: MapFeatures) -> list[tuple[int, MapFeatures]]:
+    """Features (N,) split by the diff that brought them, each part sorted by id."""
+    if len(features) == 0:
+        return []
+    if (features.id[1:] < features.id[:-1]).any():
+        features = features[np.argsort(features.id, kind="stable")]
+    numbers, starts = np.unique(features.id >> np.uint64(ROW_BITS), return_index=True)
+    ends = np.append(starts[1:], len(features))
+    return [(int(n), features[slice(a, b)]) for n, a, b in zip(numbers, starts, ends, strict=True)]

@@ -1,0 +1,88 @@
+"""What a diff must fulfil, beyond being well formed, before it may touch the map.
+
+Everything that a car sends is hostile until shown otherwise. Each check needs only the diff and the georeference of
+the service, so whether a diff is taken does not depend on what came before it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from autowaze.world.errors import WireError
+from autowaze.world.georeference import Georeference
+from autowaze.world.ground import CELL_M
+from autowaze.world.identity import MAX_SEQUENCE, MAX_SESSION, feature_ids, session_of_key
+from autowaze.world.map_diff import SemanticMapDiff
+
+MAX_EXTENT_M = 100_000.0
+"""Farther from the map's origin than a metropolitan area is wide."""
+MAX_WINDOW_M = 2_000.0
+"""What one window may span: a car at 30 m/s for a minute, and its sight."""
+MAX_GROUND_CELLS = 1 << 17
+MAX_REMOVED = 1 << 16
+
+
+class RefusedDiffError(WireError):
+    """A well-formed diff that says something impossible; the service goes on as if it had never come."""
+
+
+def check_diff(diff: SemanticMapDiff, georeference: Georeference | None) -> None:
+    """Refuse a diff that cannot be true.
+
+    Raises:
+        RefusedDiffError: naming the diff, what is wrong and the limit.
+    """
+    try:
+        _check_header(diff, georeference)
+        _check_features(diff)
+        _check_ground(diff)
+        _check_instances(diff)
+    except RefusedDiffError as error:
+        raise RefusedDiffError(f"diff {diff.session}/{diff.sequence} refused: {error}") from error
+
+
+def _check_header(diff: SemanticMapDiff, georeference: Georeference | None) -> None:
+    _require(0 <= diff.session < MAX_SESSION and 0 <= diff.sequence < MAX_SEQUENCE, "session or sequence out of range")
+    _require(bool(np.isfinite([diff.start, diff.end]).all()) and 0 <= diff.start <= diff.end, "not a time window")
+    mismatch = diff.georeference is not None and georeference is not None and diff.georeference != georeference
+    _require(not mismatch, "its georeference is not the one of this service's map; fetch the map again")
+
+
+def _check_features(diff: SemanticMapDiff) -> None:
+    new = diff.new
+    ids_hold = np.array_equal(new.id, feature_ids(diff.session, diff.sequence, len(new)))
+    _require(ids_hold, "new features carry ids of another diff")
+    keys = new.instance_key[new.instance_key != 0]
+    _require(all(session_of_key(int(key)) == diff.session for key in np.unique(keys)), "instances of another session")
+    points = np.concatenate([new.position[:, :2], diff.trajectory.position[:, :2]])
+    _require(bool(np.isfinite(points).all() and np.isfinite(new.position).all()), "a position is not a number")
+    _require(bool((np.abs(points) <= MAX_EXTENT_M).all()), f"a position is more than {MAX_EXTENT_M:.0f} m away")
+    spans_little = len(points) == 0 or bool((np.ptp(points, axis=0) <= MAX_WINDOW_M).all())
+    _require(spans_little, f"one window spans more than {MAX_WINDOW_M:.0f} m")
+    _require(len(diff.removed) <= MAX_REMOVED, f"more than {MAX_REMOVED} removed features")
+    _require(bool((diff.removed[1:] > diff.removed[:-1]).all()), "removed ids are not sorted")
+
+
+def _check_ground(diff: SemanticMapDiff) -> None:
+    ground = diff.ground
+    _require(len(ground) <= MAX_GROUND_CELLS, f"more than {MAX_GROUND_CELLS} ground cells")
+    if len(ground) == 0:
+        return
+    cells = np.stack([ground.ix, ground.iy], axis=1).astype(np.int64)
+    _require(bool((np.abs(cells) * CELL_M <= MAX_EXTENT_M).all()), "a ground cell is off the map")
+    _require(bool((np.ptp(cells, axis=0) * CELL_M <= MAX_WINDOW_M).all()), f"ground spans over {MAX_WINDOW_M:.0f} m")
+    codes = np.sort((cells[:, 0] << 32) + cells[:, 1])
+    _require(bool((np.diff(codes) > 0).all()), "two rows for one ground cell")
+
+
+def _check_instances(diff: SemanticMapDiff) -> None:
+    instances = diff.instances
+    _require(len(np.unique(instances.id)) == len(instances), "two rows for one instance")
+    _require(bool((instances.id > 0).all()), "an instance without a positive id")
+    numbers = np.concatenate([instances.confidence, instances.view_direction.ravel()])
+    _require(bool(np.isfinite(numbers).all() and (np.abs(numbers) <= 1.01).all()), "an instance value out of range")
+
+
+def _require(holds: bool, complaint: str) -> None:
+    if not holds:
+        raise RefusedDiffError(complaint)

@@ -78,8 +78,15 @@ class GroundObserver:
 
     def disparity(self, frame: StereoFrame) -> NDArray[np.float32]:
         """Half-size disparity (H / 2, W / 2) float32 px, negative where unknown; needs no pose."""
-        left, right = (self._shrink(image) for image in (frame.left_grey, frame.right_grey))
-        return np.asarray(self._matcher.compute(left, right), dtype=np.float32) / np.float32(16)
+        n = self.settings.n_disparities
+        # The matcher leaves out as many columns as it searches: without the border, parked cars on the left get lost.
+        left, right = (
+            cv2.copyMakeBorder(self._shrink(image), 0, 0, n, 0, cv2.BORDER_REPLICATE)
+            for image in (frame.left_grey, frame.right_grey)
+        )
+        disparity = self._matcher.compute(left, right)[:, n:].astype(np.float32) / np.float32(16)
+        in_right_image = disparity <= np.arange(disparity.shape[1], dtype=np.float32)
+        return np.where(in_right_image, disparity, np.float32(-1))
 
     def cells_of(
         self,

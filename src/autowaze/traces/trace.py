@@ -20,9 +20,11 @@ class GroundTruth:
     Attributes:
         T_world_cam: poses (N, 4, 4) of the left camera, metres, in the trace's own ground-truth frame
             (for KITTI: x right, y down, z forward of the first reference camera).
+        in_map_frame: whether that frame is the map's, east-north-up about the parking map's georeference.
     """
 
     T_world_cam: NDArray[np.float64]
+    in_map_frame: bool = False
 
 
 class Trace(Protocol):

@@ -150,11 +150,11 @@ class VehicleNode:
         if frame.gnss is None or self.georeference is None:
             return None
         fix = frame.gnss
-        return self.georeference.to_map(np.array([[fix.lon_deg, fix.lat_deg]]), fix.altitude_m)[0]
+        return np.asarray(self.georeference.to_map(np.array([[fix.lon_deg, fix.lat_deg]]), fix.altitude_m)[0])
 
     def _look_at_ground(self, frame: StereoFrame, T_map_cam: Pose, tracks: Tracks) -> GroundObservation | None:
         if self._frames % self.settings.ground_every:
             return None
         moving = np.isin(tracks.id, self._motion.moving_ids)
-        mask = tracks.mask[moving].any(axis=0) if moving.any() else None
+        mask = np.asarray(tracks.mask[moving].any(axis=0)) if moving.any() else None
         return self._ground.observe(frame, T_map_cam, mask)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from autowaze.world.errors import MapFileError, WireError
@@ -17,7 +16,7 @@ def save_map(feature_map: FeatureMap, path: str | Path) -> int:
     partial = path.with_name(path.name + ".partial")
     try:
         partial.write_bytes(data)
-        os.replace(partial, path)
+        partial.replace(path)
     except OSError as error:
         raise MapFileError(f"{path}: cannot be written: {error.strerror}") from error
     return len(data)

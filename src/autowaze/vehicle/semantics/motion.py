@@ -1,21 +1,56 @@
-"""Parked or moving, by how an instance's features move in the map frame once the car's own motion is taken out."""
+"""Parked or moving, by how an instance's features move in the map frame once the car's own motion is taken out.
+
+The centroid of an instance is no witness: the side that is seen slides along a parked car as one drives by. The same
+point of it, found again, is. Stereo places points along the line of sight with an error that grows with the square
+of the depth, so a displacement counts for as much as its covariance allows, and evidence adds up over frames.
+"""
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.vehicle.semantics.rematching import match_within_instances
 from autowaze.world.camera import StereoCamera
 from autowaze.world.columns import Columns
 from autowaze.world.features import CameraFeatures
-from autowaze.world.pose import Pose
+from autowaze.world.labels import ClassLabel
+from autowaze.world.pose import Pose, transform
+
+
+@dataclass(frozen=True, slots=True)
+class MotionSettings:
+    """What can be set about telling moving from parked.
+
+    Attributes:
+        spans_s: how long ago the frames were that features are compared with, the longest first.
+        min_matches: features that must be found again.
+        pixel_sigma, disparity_sigma: errors of a feature in pixels at octave 0.
+        common_disparity_sigma: error in pixels that all features of an instance share.
+        pose_sigma_m, pose_sigma_rad: error of the motion between two frames.
+        still_mps, moving_mps: standard deviation of the speed of what stands and of what moves.
+        forget_s: an instance not seen for so long is forgotten.
+    """
+
+    spans_s: tuple[float, ...] = (0.5, 0.3, 0.1)
+    min_matches: int = 3
+    pixel_sigma: float = 0.7
+    disparity_sigma: float = 0.5
+    common_disparity_sigma: float = 0.15
+    pose_sigma_m: float = 0.03
+    pose_sigma_rad: float = 0.001
+    still_mps: float = 0.15
+    moving_mps: float = 5.0
+    forget_s: float = 10.0
 
 
 @dataclass
 class Motions(Columns):
-    """Motion of the instances of one frame, N rows.
+    """Motion of the instances of one frame, N rows in ascending order of id.
 
     Attributes:
         id: (N,) int32, the track's id.
@@ -32,17 +67,181 @@ class Motions(Columns):
     velocity: NDArray[np.float32]
 
 
+@dataclass(frozen=True)
+class _Sighting:
+    """Features of instances in one frame, sorted by instance."""
+
+    timestamp: float
+    instance: NDArray[np.int32]
+    label: NDArray[np.uint8]
+    descriptor: NDArray[np.uint8]
+    position: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    common: NDArray[np.float64]
+
+
+@dataclass
+class _Belief:
+    """Log odds of moving, velocity (2,) in m/s and when the instance was last seen."""
+
+    log_odds: float
+    velocity: NDArray[np.float64]
+    last_seen: float
+
+
+# Before any evidence: vehicles mostly stand at the kerb, people mostly walk.
+_PRIOR_LOG_ODDS = {ClassLabel.PERSON: 1.0, ClassLabel.ANIMAL: 1.0, ClassLabel.TWO_WHEELER: 0.0}
+_PRIOR_LOG_ODDS_OTHERS = -1.0
+_MAX_LOG_ODDS, _MAX_STEP = 6.0, 3.0
+_GATE = 11.34  # chi-square, 3 degrees of freedom, 99 %
+_VELOCITY_GAIN = 0.5
+
+
 class MotionClassifier:
-    """Tells moving instances from parked ones."""
+    """Tells moving instances from parked ones, over frames."""
 
-    def __init__(self, camera: StereoCamera) -> None:
+    def __init__(self, camera: StereoCamera, settings: MotionSettings = MotionSettings()) -> None:
         self.camera = camera
-
-    def update(self, features: CameraFeatures, T_map_cam: Pose, timestamp: float) -> Motions:
-        """Motion of every instance that has features with depth in this frame."""
-        raise NotImplementedError
+        self.settings = settings
+        self._sightings: deque[_Sighting] = deque()
+        self._beliefs: dict[int, _Belief] = {}
 
     @property
     def moving_ids(self) -> NDArray[np.int32]:
-        """Ids judged moving so far, sorted; serves the next frame before its pose is known."""
-        raise NotImplementedError
+        """Ids judged moving so far, ascending; serves the next frame before its pose is known."""
+        return np.array(sorted(i for i, b in self._beliefs.items() if b.log_odds > 0), dtype=np.int32)
+
+    def update(self, features: CameraFeatures, T_map_cam: Pose, timestamp: float) -> Motions:
+        """Motion of every instance that has features with depth in this frame.
+
+        Args:
+            features: with labels and instance ids (`association.associate`).
+            T_map_cam: trusted pose of the frame.
+            timestamp: seconds.
+        """
+        now = self._sight(features, T_map_cam, timestamp)
+        ids, first = np.unique(now.instance, return_index=True)
+        self._remember(ids, now.label[first], timestamp)
+        judged: set[int] = set()
+        for earlier in self._earlier(timestamp):
+            self._compare(now, earlier, judged)
+        self._sightings.append(now)
+        beliefs = [self._beliefs[int(i)] for i in ids]
+        moving = np.array([b.log_odds > 0 for b in beliefs], np.bool_)
+        velocity = np.array([b.velocity for b in beliefs]).reshape(-1, 2) * moving[:, None]
+        bounds = np.append(first, len(now.instance))
+        position = [np.median(now.position[a:b, :2], axis=0) for a, b in pairwise(bounds)]
+        return Motions(
+            ids,
+            now.label[first],
+            moving,
+            np.array(position, np.float32).reshape(-1, 2),
+            velocity.astype(np.float32),
+        )
+
+    def _sight(self, features: CameraFeatures, T_map_cam: Pose, timestamp: float) -> _Sighting:
+        rows = np.flatnonzero((features.instance_id > 0) & features.has_depth)
+        rows = rows[np.argsort(features.instance_id[rows], kind="stable")]
+        f = features[rows]
+        covariance, common = self._covariances(f, T_map_cam[:3, :3])
+        position = transform(T_map_cam, f.position_cam.astype(np.float64))
+        return _Sighting(timestamp, f.instance_id, f.label, f.descriptor, position, covariance, common)
+
+    def _covariances(
+        self, f: CameraFeatures, R_map_cam: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Covariances (N, 3, 3) in m^2, map frame: of each feature alone, and of the error that it shares."""
+        s = self.settings
+        depth = f.depth.astype(np.float64)
+        scale = 1.2 ** f.octave.astype(np.float64)
+        ray = f.position_cam.astype(np.float64) / depth[:, None] @ R_map_cam.T
+        along = ray[:, :, None] * ray[:, None, :] * (depth**2 / self.camera.bf)[:, None, None] ** 2
+        image = R_map_cam[:, :2] @ R_map_cam[:, :2].T
+        across = image[None] * (depth / self.camera.fx * scale * s.pixel_sigma)[:, None, None] ** 2
+        shared = along * s.common_disparity_sigma**2
+        turned = image[None] * (depth * s.pose_sigma_rad)[:, None, None] ** 2
+        return (
+            across + along * (scale * s.disparity_sigma)[:, None, None] ** 2,
+            shared + turned + np.eye(3) * s.pose_sigma_m**2 / 2,
+        )
+
+    def _remember(self, ids: NDArray[np.int32], labels: NDArray[np.uint8], timestamp: float) -> None:
+        """Start beliefs of new instances, forget those long gone, drop sightings too old to compare with."""
+        for instance, label in zip(ids.tolist(), labels.tolist(), strict=True):
+            prior = _PRIOR_LOG_ODDS.get(ClassLabel(label), _PRIOR_LOG_ODDS_OTHERS)
+            belief = self._beliefs.setdefault(instance, _Belief(prior, np.zeros(2), timestamp))
+            belief.last_seen = timestamp
+        horizon = timestamp - self.settings.forget_s
+        self._beliefs = {i: b for i, b in self._beliefs.items() if b.last_seen >= horizon}
+        while self._sightings and timestamp - self._sightings[0].timestamp > 1.5 * self.settings.spans_s[0]:
+            self._sightings.popleft()
+
+    def _earlier(self, timestamp: float) -> list[_Sighting]:
+        """The sightings nearest to the wanted spans, the oldest first, each once."""
+        found: list[_Sighting] = []
+        for span in self.settings.spans_s:
+            past = [s for s in self._sightings if s.timestamp < timestamp]
+            nearest = min(past, key=lambda s: abs(timestamp - s.timestamp - span), default=None)
+            if nearest is not None and nearest not in found:
+                found.append(nearest)
+        return found
+
+    def _compare(self, now: _Sighting, earlier: _Sighting, judged: set[int]) -> None:
+        """Add the evidence of the instances that are found again in an earlier frame and not judged yet."""
+        partner = match_within_instances(now.descriptor, now.instance, earlier.descriptor, earlier.instance)
+        rows = np.flatnonzero(partner >= 0)
+        partner = partner[rows]
+        span = now.timestamp - earlier.timestamp
+        displacement = now.position[rows] - earlier.position[partner]
+        covariance = now.covariance[rows] + earlier.covariance[partner]
+        common = now.common[rows] + earlier.common[partner]
+        ids, first, counts = np.unique(now.instance[rows], return_index=True, return_counts=True)
+        for instance, start, n in zip(ids.tolist(), first.tolist(), counts.tolist(), strict=True):
+            if instance in judged or n < self.settings.min_matches:
+                continue
+            part = slice(start, start + n)
+            agreed = _consensus(displacement[part], covariance[part], self.settings.min_matches)
+            if agreed is not None:
+                judged.add(instance)
+                mean, spread = agreed
+                P = (spread + common[part].mean(axis=0))[:2, :2] / span**2
+                self._weigh(self._beliefs[instance], mean[:2] / span, P, span, now.timestamp)
+
+    def _weigh(
+        self, belief: _Belief, velocity: NDArray[np.float64], P: NDArray[np.float64], span: float, timestamp: float
+    ) -> None:
+        """Bayes factor of moving over standing for a measured velocity (2,) with covariance (2, 2)."""
+        s = self.settings
+        factor = _log_normal(velocity, P + np.eye(2) * s.moving_mps**2) - _log_normal(
+            velocity, P + np.eye(2) * s.still_mps**2
+        )
+        previous = self._sightings[-1].timestamp
+        # Spans of successive frames overlap: each brings only its own share of news.
+        step = np.clip(factor * min((timestamp - previous) / span, 1.0), -_MAX_STEP, _MAX_STEP)
+        belief.log_odds = float(np.clip(belief.log_odds + step, -_MAX_LOG_ODDS, _MAX_LOG_ODDS))
+        known = bool(belief.velocity.any())
+        belief.velocity = belief.velocity + (_VELOCITY_GAIN if known else 1.0) * (velocity - belief.velocity)
+
+
+def _consensus(
+    displacement: NDArray[np.float64], covariance: NDArray[np.float64], min_matches: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """The displacement (3,) that most matches agree with, weighted by information, and its covariance (3, 3).
+
+    Every match's displacement (N, 3) is tried, and none at all; with `covariance` (N, 3, 3) each says who agrees.
+    """
+    information = np.linalg.inv(covariance)
+    tried = np.concatenate([np.zeros((1, 3)), displacement])
+    difference = displacement[None, :, :] - tried[:, None, :]
+    agrees = np.einsum("hni,nij,hnj->hn", difference, information, difference) < _GATE
+    inliers = agrees[int(np.argmax(agrees.sum(axis=1)))]
+    if inliers.sum() < max(min_matches, 0.4 * len(displacement)):
+        return None
+    spread = np.linalg.inv(information[inliers].sum(axis=0))
+    mean = spread @ np.einsum("nij,nj->i", information[inliers], displacement[inliers])
+    return mean, spread
+
+
+def _log_normal(x: NDArray[np.float64], covariance: NDArray[np.float64]) -> float:
+    """Log density of a zero-mean normal distribution, without the constant."""
+    return float(-0.5 * (x @ np.linalg.solve(covariance, x) + np.log(np.linalg.det(covariance))))

@@ -2,34 +2,59 @@
 
 from __future__ import annotations
 
+from autowaze.vehicle.semantics.association import edge_depths
+from autowaze.vehicle.semantics.propagation import propagate
 from autowaze.vehicle.semantics.segmenter import Segmenter
+from autowaze.vehicle.semantics.sort import Sort, SortSettings
 from autowaze.world.camera import StereoCamera
 from autowaze.world.features import CameraFeatures
-from autowaze.world.frame import StereoFrame
+from autowaze.world.frame import Image, StereoFrame
 from autowaze.world.instances import Detections, Tracks
 from autowaze.world.pose import Pose
 
 
 class SemanticPerception:
-    """Segments every n-th frame, carries masks over the frames between, and keeps ids."""
+    """Segments every n-th frame, carries masks over the frames between, and keeps ids.
 
-    def __init__(self, segmenter: Segmenter, every_nth: int = 1, camera: StereoCamera | None = None) -> None:
+    `detect` needs nothing but the image and can run beside feature extraction; `track` follows it. Given the frame's
+    features and its pose, or the pose foretold, ids survive large image motion and occlusion; without them tracking
+    is plain SORT.
+    """
+
+    def __init__(
+        self,
+        segmenter: Segmenter,
+        every_nth: int = 1,
+        camera: StereoCamera | None = None,
+        settings: SortSettings | None = None,
+    ) -> None:
         self.segmenter = segmenter
         self.every_nth = every_nth
         self.camera = camera
+        self._sort = Sort(camera, settings or SortSettings())
+        self._count = 0
+        self._last: tuple[Image, Detections] | None = None
 
     def process(
         self, frame: StereoFrame, features: CameraFeatures | None = None, T_map_cam: Pose | None = None
     ) -> Tracks:
         """Instances of the next frame with their ids: `detect`, then `track`."""
-        raise NotImplementedError
+        return self.track(self.detect(frame), features, T_map_cam)
 
     def detect(self, frame: StereoFrame) -> Detections:
-        """Instances of the next frame; needs nothing but the image, so it can run beside feature extraction."""
-        raise NotImplementedError
+        """Instances of the next frame."""
+        if self._last is None or self._count % self.every_nth == 0:
+            detections = self.segmenter.segment(frame.left)
+        else:
+            image, earlier = self._last
+            detections = propagate(earlier, image, frame.left_grey)
+        self._count += 1
+        self._last = frame.left_grey, detections
+        return detections
 
     def track(
         self, detections: Detections, features: CameraFeatures | None = None, T_map_cam: Pose | None = None
     ) -> Tracks:
-        """Ids for the detections of the frame; with features and a (predicted) pose, ids survive occlusion."""
-        raise NotImplementedError
+        """Ids for the detections of the frame."""
+        depths = edge_depths(detections, features) if features is not None else None
+        return self._sort.update(detections, T_map_cam, depths)

@@ -2,32 +2,47 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.cloud.belief import aged, believe
 from autowaze.cloud.boxes import boxes_of_average_size
 from autowaze.cloud.broadcast import ChangeLog, MapUpdate, Update
+from autowaze.cloud.clustering import cluster_by_density
+from autowaze.cloud.evidence import evidence_of
 from autowaze.cloud.ground_votes import GroundVotes
-from autowaze.cloud.grouping import group_by_instance
+from autowaze.cloud.grouping import VehicleGroups, group_by_instance, split_in_space
 from autowaze.cloud.integration import MapState
+from autowaze.cloud.merging import merge_boxes
+from autowaze.cloud.methods import FUSED, Method, method_named
 from autowaze.cloud.occupancy import vacant_rectangles
 from autowaze.cloud.outliers import remove_outliers
 from autowaze.cloud.scene import VehicleScene
 from autowaze.cloud.spots import SpotIndex
-from autowaze.cloud.stage_times import StageTimes
 from autowaze.cloud.two_pass import decide_two_pass
 from autowaze.cloud.validation import check_diff
+from autowaze.cloud.visible_side import boxes_from_visible_side
 from autowaze.world.feature_map import FeatureMap
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.parking import Occupancy, ParkingMap, SpotState
+from autowaze.world.stage_times import StageTimes
 from autowaze.world.vehicles import VehicleBoxes
 from autowaze.world.wire import decode_diff
 
 
 class CloudService:
-    """Keeps the map true and knows which spots are free."""
+    """Keeps the map true and knows which spots are free.
 
-    def __init__(self, spots: ParkingMap, method: str = "thesis", base_map: FeatureMap | None = None) -> None:
+    Args:
+        spots: the pre-annotated spots; all diffs must be in their map frame.
+        method: how spots are decided: `fused`, `thesis`, a baseline of `cloud.methods`, or a `Method` of your own.
+        base_map: the stored map to start from.
+    """
+
+    def __init__(self, spots: ParkingMap, method: str | Method = FUSED, base_map: FeatureMap | None = None) -> None:
+        self.method = method_named(method) if isinstance(method, str) else method
         self.spots = SpotIndex(spots)
         self.map = MapState(base_map, spots.georeference)
         self.ground = GroundVotes(self.spots)
@@ -50,34 +65,36 @@ class CloudService:
         """Take in one diff; raises `WireError` as `receive` does."""
         with self.times.stage("integration"):
             check_diff(diff, self.map.georeference)
-            change = self.map.integrate(diff)
+            change = self.map.integrate(diff if self.method.removals else _additions_only(diff))
             if change is None:
                 return Update(False, self.map.version, (), [], self.changes.nothing())
-            touched = [self.ground.add(diff)]
+            looked_at = self.ground.add(diff)
         with self.times.stage("grouping"):
-            groups = group_by_instance(self.map, change.instances)
+            groups = self._group(change.instances)
         with self.times.stage("outliers"):
-            groups = remove_outliers(groups)
+            groups = remove_outliers(groups) if self.method.outlier_removal else groups
         with self.times.stage("boxes"):
-            boxes = boxes_of_average_size(groups, self.spots)
-            for moved in (self.scene.of(change.instances), boxes):
-                touched.append(self.spots.overlapping(moved.polygons)[1])
-            self.scene.replace(change.instances, boxes)
+            boxes = self._draw_boxes(groups)
+            stood_on = self._place(change.instances, boxes)
         with self.times.stage("occupancy"):
-            spots = np.unique(np.concatenate(touched))
-            changed = self._adopt(spots, decide_two_pass(spots, self.spots, self.scene, self.ground))
+            touched = np.union1d(looked_at, stood_on)
+            changed = self._adopt(touched, self._decide(touched))
         with self.times.stage("broadcast"):
-            return Update(True, self.map.version, changed, self._vacant(spots), self.changes.append(change))
+            return Update(True, self.map.version, changed, self._vacant(touched), self.changes.append(change))
 
     @property
     def states(self) -> list[SpotState]:
         """State of every spot, in the order of the parking map."""
         return list(self._states)
 
+    def states_at(self, now: float) -> list[SpotState]:
+        """State of every spot as believed at a time (seconds since the epoch): beliefs fade, methods without do not."""
+        return [aged(state, now) for state in self._states] if self.method.belief else self.states
+
     @property
     def vehicle_boxes(self) -> VehicleBoxes:
         """Every vehicle on the map, sorted by group."""
-        return self.scene.boxes
+        return merge_boxes(self.scene.boxes) if self.method.belief else self.scene.boxes
 
     @property
     def feature_map(self) -> FeatureMap:
@@ -92,6 +109,30 @@ class CloudService:
         """What a car with this version of the map lacks; raises `OutdatedMapError` if it must fetch it whole."""
         return self.changes.since(version)
 
+    def _group(self, instances: NDArray[np.uint64]) -> VehicleGroups:
+        if not self.method.instance_ids:
+            return cluster_by_density(self.map.features, self.spots, self.method.labels)
+        return group_by_instance(self.map, instances)
+
+    def _draw_boxes(self, groups: VehicleGroups) -> VehicleBoxes:
+        if self.method.visible_side:
+            return boxes_from_visible_side(split_in_space(groups), self.spots)
+        return boxes_of_average_size(groups, self.spots)
+
+    def _place(self, instances: NDArray[np.uint64], boxes: VehicleBoxes) -> NDArray[np.int64]:
+        """Put the new boxes in place of the old ones; returns the spots (T,) that either touch."""
+        old = instances if self.method.instance_ids else self.scene.boxes.group
+        before = self.scene.of(old)
+        self.scene.replace(old, boxes)
+        return self.spots.overlapping(VehicleBoxes.concatenate([before, boxes]).polygons)[1]
+
+    def _decide(self, spots: NDArray[np.int64]) -> list[SpotState]:
+        if not self.method.belief:
+            return decide_two_pass(spots, self.spots, self.scene, self.ground, self.method.second_pass)
+        evidence = evidence_of(spots, self.spots, self.scene, self.ground, self.method.ground)
+        ids = (self.spots.ids[spot] for spot in spots.tolist())
+        return [believe(spot_id, items, self.method.memory) for spot_id, items in zip(ids, evidence, strict=True)]
+
     def _adopt(self, spots: NDArray[np.int64], states: list[SpotState]) -> tuple[SpotState, ...]:
         changed = []
         for spot, state in zip(spots.tolist(), states, strict=True):
@@ -103,3 +144,7 @@ class CloudService:
     def _vacant(self, spots: NDArray[np.int64]) -> list[dict[str, float]]:
         vacant = [spot for spot in spots.tolist() if self._states[spot].occupancy is Occupancy.VACANT]
         return vacant_rectangles(self.spots.polygons[vacant])
+
+
+def _additions_only(diff: SemanticMapDiff) -> SemanticMapDiff:
+    return replace(diff, removed=np.zeros(0, np.uint64))

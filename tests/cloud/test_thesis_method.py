@@ -4,8 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from shapely import box
 from street import Street
 
@@ -108,21 +106,3 @@ def test_a_spot_that_nobody_looked_at_is_unknown():
     assert states[3] is Occupancy.VACANT
     assert states[-1] is Occupancy.UNKNOWN
     assert service.states[-1].observed_at is None
-
-
-@pytest.mark.parametrize("method", ["thesis"])
-@given(order=st.permutations(range(6)), repeated=st.integers(0, 5))
-@settings(max_examples=8, deadline=None)
-def test_the_order_of_arrival_does_not_matter(method, order, repeated):
-    street = Street(count=8)
-    diffs = street.drive(street.park([0, 1, 3, 6]), session=1) + street.drive(
-        street.park([1, 2, 3]), session=2, start=5000.0, drift=(0.2, -0.1)
-    )
-    diffs = [diffs[i % len(diffs)] for i in range(6)]
-    straight, shuffled = (CloudService(street.parking_map, method=method) for _ in range(2))
-    for diff in diffs:
-        straight.integrate(diff)
-    for i in [*order, repeated]:
-        shuffled.integrate(diffs[i])
-    assert straight.states == shuffled.states
-    assert list(straight.vehicle_boxes) == list(shuffled.vehicle_boxes)

@@ -17,14 +17,16 @@ _BLOCK_CELLS = 16
 
 
 class WindowVotes(NamedTuple):
-    """What one window saw of a spot; sorts by time.
+    """What one window saw of a spot.
 
-    `free` and `obstacle` are (C,) uint8 frames per cell of the spot's raster, saturating.
+    `free` and `obstacle` are (C,) uint8 frames per cell of the spot's raster, saturating; `sigma_m` is one standard
+    deviation of the car's position.
     """
 
     end: float
     session: int
     sequence: int
+    sigma_m: float
     free: NDArray[np.uint8]
     obstacle: NDArray[np.uint8]
 
@@ -53,7 +55,8 @@ class GroundVotes:
         for spot, raster in zip(candidates.tolist(), rasters, strict=True):
             cells = slice(start, start := start + len(raster))
             if (free[cells] | obstacle[cells]).any():
-                self._note(spot, WindowVotes(diff.end, diff.session, diff.sequence, free[cells], obstacle[cells]))
+                window = (diff.end, diff.session, diff.sequence, diff.position_sigma_m, free[cells], obstacle[cells])
+                self._note(spot, WindowVotes(*window))
                 seen.append(spot)
         return np.array(seen, dtype=np.int64)
 

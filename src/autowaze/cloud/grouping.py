@@ -6,11 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from autowaze.cloud.instances import InstanceViews
 from autowaze.cloud.integration import MapState
 from autowaze.world.feature_map import MapFeatures
 from autowaze.world.labels import VEHICLES, is_vehicle
+
+SPLIT_GAP_M = 0.6
+_APART_M = 1e5
 
 
 @dataclass(frozen=True)
@@ -20,7 +26,7 @@ class VehicleGroups:
     Attributes:
         position: (P, 3) float64, metres in the map frame.
         group: (P,) int64, row in `views` of each point's group.
-        views: (G,) what is known of each group; groups may have lost all their points.
+        views: (G,) what is known of each group; a group may have no points.
     """
 
     position: NDArray[np.float64]
@@ -53,6 +59,24 @@ def group_by_instance(state: MapState, instances: NDArray[np.uint64]) -> Vehicle
     group = np.searchsorted(instances, features.instance_key).astype(np.int64)
     views = _filled_in(state.instances.views(instances), features, group)
     return VehicleGroups(features.position, group, views)
+
+
+def split_in_space(groups: VehicleGroups, gap_m: float = SPLIT_GAP_M) -> VehicleGroups:
+    """Make parts of a group that no chain of points links into groups of their own.
+
+    In a dense row a track may jump to the next car; the gap between the two shows it.
+    """
+    apart = np.column_stack([groups.position[:, :2], groups.group * _APART_M])
+    pairs = cKDTree(apart).query_pairs(gap_m, output_type="ndarray") if len(apart) else np.zeros((0, 2), np.int64)
+    links = coo_array(
+        (np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), shape=(len(apart), len(apart))
+    ).tocsr()
+    part = connected_components(links, directed=False)[1]
+    first = np.unique(part, return_index=True)[1]
+    order = np.lexsort((first, groups.group[first]))
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    return VehicleGroups(groups.position, rank[part], groups.views[groups.group[first[order]]])
 
 
 def _filled_in(views: InstanceViews, features: MapFeatures, group: NDArray[np.int64]) -> InstanceViews:

@@ -54,6 +54,12 @@ class SpotIndex:
         rectangles = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
         return np.unique(self.tree.query(rectangles, predicate="intersects")[1])
 
+    def near(self, points: NDArray[np.float64], within_m: float) -> NDArray[np.bool_]:
+        """Whether each point (N, 2) lies within reach of a spot."""
+        close = np.zeros(len(points), np.bool_)
+        close[self.tree.query(shapely.points(points), predicate="dwithin", distance=within_m)[0]] = True
+        return close
+
     def nearest(self, points: NDArray[np.float64], within_m: float) -> NDArray[np.int64]:
         """Spot (N,) nearest to each point (N, 2), -1 if none is within reach."""
         found = np.full(len(points), -1, np.int64)

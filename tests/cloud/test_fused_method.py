@@ -1,0 +1,156 @@
+"""Boxes that know the visible side, ground as evidence, a belief over time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from street import Car, Street
+from test_thesis_method import groups_of
+
+from autowaze.cloud.belief import Belief, Evidence, aged, believe
+from autowaze.cloud.grouping import split_in_space
+from autowaze.cloud.merging import merge_boxes
+from autowaze.cloud.methods import FUSED
+from autowaze.cloud.service import CloudService
+from autowaze.world.map_diff import SemanticMapDiff
+from autowaze.world.parking import Occupancy
+from autowaze.world.vehicles import VehicleBoxes
+
+OCCUPIED = [0, 1, 2, 4, 5, 7, 8, 9, 12, 13]
+STREETS = [Street(), Street(bays=True, heading=2.0)]
+NAMES = ["parallel", "bays"]
+
+
+def occupied(service):
+    return [i for i, state in enumerate(service.states) if state.occupancy is Occupancy.OCCUPIED]
+
+
+def vacant(service):
+    return [i for i, state in enumerate(service.states) if state.occupancy is Occupancy.VACANT]
+
+
+@pytest.mark.parametrize("street", STREETS, ids=NAMES)
+def test_box_centres_lie_where_the_cars_stand(street):
+    cars = street.park(OCCUPIED)
+    service = CloudService(street.parking_map)
+    for diff in street.drive(cars):
+        service.integrate(diff)
+    centres = service.vehicle_boxes.centre
+    error = [np.linalg.norm(centres - [car.x, car.y], axis=1).min() for car in cars]
+    assert np.median(error) < 0.3
+    assert max(error) < 0.8
+
+
+@pytest.mark.parametrize("street", STREETS, ids=NAMES)
+@pytest.mark.parametrize("drift", [(0.0, 0.0), (0.4, 0.3), (-0.4, -0.3)], ids=["true", "ahead right", "behind left"])
+def test_half_a_metre_of_drift_changes_no_decision(street, drift):
+    service = CloudService(street.parking_map)
+    for diff in street.drive(street.park(OCCUPIED), drift=drift):
+        service.integrate(diff)
+    assert occupied(service) == OCCUPIED
+    assert set(vacant(service)) <= set(range(15)) - set(OCCUPIED)
+    assert len(vacant(service)) >= 4
+
+
+def test_a_vehicle_that_stands_in_the_lane_is_not_parked():
+    street = Street(count=6)
+    spot = street.centre(2)
+    lane = spot - 2.6 * street.across
+    service = CloudService(street.parking_map)
+    for diff in street.drive([*street.park([0, 4]), Car(*lane, street.heading)]):
+        service.integrate(diff)
+    assert occupied(service) == [0, 4]
+    assert len(service.vehicle_boxes) == 3
+
+
+def test_newer_ground_makes_a_spot_vacant_again_and_older_ground_does_not():
+    street = Street(count=4)
+    before = street.drive(street.park([0, 1, 2]), session=1, start=1000.0)
+    after = [replace(diff, new=diff.new[:0]) for diff in street.drive(street.park([0, 2]), session=2, start=1300.0)]
+    for order in (before + after, after + before):
+        service = CloudService(street.parking_map)
+        for diff in order:
+            service.integrate(diff)
+        assert occupied(service) == [0, 2]
+        assert vacant(service) == [1, 3]
+        assert service.states[1].observed_at == max(diff.end for diff in after if diff.end < 1320)
+
+
+def test_a_car_that_parks_later_takes_the_spot():
+    street = Street(count=4)
+    service = CloudService(street.parking_map)
+    for diff in street.drive(street.park([0]), session=1) + street.drive(street.park([0, 1]), session=2, start=1200.0):
+        service.integrate(diff)
+    assert occupied(service) == [0, 1]
+
+
+def test_without_ground_the_boxes_decide():
+    street = STREETS[0]
+    service = CloudService(street.parking_map, method=replace(FUSED, ground=False))
+    for diff in street.drive(street.park(OCCUPIED)):
+        service.integrate(diff)
+    assert occupied(service) == OCCUPIED
+
+
+def test_an_id_that_jumps_to_the_next_car_is_split():
+    rng = np.random.default_rng(0)
+    car = rng.uniform(-0.5, 0.5, (60, 3))
+    parts = split_in_space(groups_of(np.vstack([car, car + np.array([2.5, 0.0, 0.0])]), car + np.array([9.0, 0, 0])))
+    assert parts.sizes.tolist() == [60, 60, 60]
+    assert parts.views.key.tolist() == [1, 1, 2]
+
+
+def box_row(x, y, points, group, seen_at=0.0):
+    one = np.ones(1)
+    return VehicleBoxes(
+        np.array([[x, y]]),
+        one * 4.4,
+        one * 1.8,
+        one * 0.0,
+        np.array([group], np.uint64),
+        np.ones(1, np.uint8),
+        one,
+        np.array([points]),
+        one * seen_at,
+    )
+
+
+def test_fragments_of_one_car_merge_and_neighbours_in_bays_do_not():
+    fragments = [box_row(0, 0, 30, 5, 1.0), box_row(0.2, 0.6, 10, 9, 2.0), box_row(2.3, 0, 20, 7)]
+    merged = merge_boxes(VehicleBoxes.concatenate(fragments))
+    assert merged.group.tolist() == [5, 7]
+    assert merged.points.tolist() == [40, 20]
+    assert np.allclose(merged.centre[0], [0.05, 0.15])
+    assert merged.seen_at[0] == 2.0
+
+
+def test_belief_fades_to_even_odds():
+    state = believe("A", [Evidence(0.0, 5.0, "car")])
+    assert state.occupancy is Occupancy.OCCUPIED
+    later = aged(state, 600.0)
+    assert state.probability_vacant < later.probability_vacant < 0.5
+    assert aged(state, 24 * 3600.0).occupancy is Occupancy.UNKNOWN
+    assert np.isclose(Belief(-3.0, 0.0).at(1e9).probability_vacant, 0.5)
+
+
+def test_evidence_counts_in_the_order_of_observation():
+    old, new = Evidence(0.0, 5.0, "car"), Evidence(300.0, -5.0, "free")
+    assert believe("A", [new, old]) == believe("A", [old, new])
+    assert believe("A", [new, old]).occupancy is Occupancy.VACANT
+
+
+def test_a_car_that_does_not_know_its_place_is_believed_less():
+    street = Street(count=4)
+    states = []
+    for sigma in (0.05, 1.5):
+        service = CloudService(street.parking_map)
+        for diff in street.drive(street.park([0])):
+            service.integrate(replace(diff, position_sigma_m=sigma))
+        states.append(service.states[1])
+    assert 0.5 < states[1].probability_vacant < states[0].probability_vacant
+
+
+def test_nobody_looked_nothing_known():
+    service = CloudService(Street().parking_map)
+    service.integrate(SemanticMapDiff(1, 0, 0.0, 5.0))
+    assert {state.occupancy for state in service.states} == {Occupancy.UNKNOWN}

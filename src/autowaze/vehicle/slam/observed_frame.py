@@ -29,7 +29,7 @@ class ObservedFrame:
         features: CameraFeatures,
         camera: StereoCamera,
         level_scale: NDArray[np.float64],
-        disparity_sigma_px: float,
+        sigma_px: tuple[float, float],
         moving: NDArray[np.bool_] | None = None,
     ) -> None:
         self.features = features
@@ -39,9 +39,9 @@ class ObservedFrame:
         self.moving = np.zeros(len(features), np.bool_) if moving is None else np.asarray(moving, dtype=np.bool_)
         disparity = self.uv[:, 0] - features.u_right
         self.measured = np.column_stack([self.uv, disparity])
-        sigma = level_scale[self.octave]
+        corner, patch = sigma_px[0] * level_scale[self.octave], sigma_px[1] * level_scale[self.octave]
         with_depth = np.isfinite(disparity)
-        self.information = np.column_stack([sigma**-2, np.where(with_depth, (disparity_sigma_px * sigma) ** -2, 0.0)])
+        self.information = np.column_stack([corner**-2, np.where(with_depth, patch**-2, 0.0)])
         self.n_columns = camera.width // CELL_PX + 1
         self.n_rows = camera.height // CELL_PX + 1
         column, row = (self.uv / CELL_PX).astype(np.int64).T

@@ -14,8 +14,9 @@ class SlamSettings:
 
     Attributes:
         n_levels, scale_factor: of the ORB pyramid.
-        disparity_sigma_px: standard deviation of a disparity at level 0, relative to that of a corner (1 px): the
-            sub-pixel search aligns patches, which is finer than finding corners.
+        corner_sigma_px, disparity_sigma_px: standard deviations at level 0, coarser levels in proportion. Measured as
+            the spread of the inliers' residuals (median absolute deviation), which is the same for all levels; the
+            sub-pixel search of the disparity aligns patches, which is finer than finding corners.
         max_hamming: most differing bits of a match. ratio: best over second best.
         min_start_features: stereo features needed to begin a map (ORB-SLAM2: 500, of 2000).
         min_inliers: fewer do not hold a pose (ORB-SLAM2: 30).
@@ -33,7 +34,8 @@ class SlamSettings:
 
     n_levels: int = 8
     scale_factor: float = 1.2
-    disparity_sigma_px: float = 0.5
+    corner_sigma_px: float = 0.65
+    disparity_sigma_px: float = 0.35
     max_hamming: int = 80
     ratio: float = 0.85
     min_start_features: int = 200
@@ -42,7 +44,7 @@ class SlamSettings:
     min_static_inliers: int = 60
     movable_weight: float = 0.1
     max_depth_baselines: float = 80.0
-    min_keyframe_gap: int = 2
+    min_keyframe_gap: int = 1
     keyframe_ratio: float = 0.8
     keyframe_distance_m: float = 2.0
     keyframe_angle_rad: float = 0.1

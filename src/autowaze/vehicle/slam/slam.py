@@ -52,7 +52,7 @@ class StereoSlam:
     ) -> TrackedFrame:
         """Pose of the next frame."""
         s = self.settings
-        frame = ObservedFrame(features, self.camera, s.level_scale, s.disparity_sigma_px, moving)
+        frame = ObservedFrame(features, self.camera, s.level_scale, (s.corner_sigma_px, s.disparity_sigma_px), moving)
         self._count += 1
         if self._last is None:
             return self._begin(frame, timestamp, index)

@@ -17,7 +17,7 @@ from autowaze.world.camera import StereoCamera
 from autowaze.world.labels import is_movable
 from autowaze.world.pose import Pose, inverse
 
-_MOTION_RADII_PX = (10.0, 40.0)  # around the predicted pixel at level 0; the wide one when the narrow one fails
+_MOTION_RADII_PX = (20.0, 60.0)  # around the predicted pixel at level 0; the wide one when the narrow one fails
 _MAP_RADIUS_PX, _MAP_RADIUS_OBLIQUE_PX = 4.0, 6.0
 _MIN_MOTION_INLIERS = 20
 _MIN_LANDMARK_INLIERS = 60  # below it, last frame's stereo points help
@@ -68,6 +68,7 @@ class Tracker:
 
     def in_map(self, frame: ObservedFrame, T_map_cam: Pose, local_rows: NDArray[np.int64], widen: float = 1.0) -> Located:
         """Pose by the landmarks of the local map, started near it."""
+        if widen==1.0: T_map_cam = self.in_map(frame,T_map_cam,local_rows,2.0).T_map_cam
         predictions = predict(self.landmarks, local_rows, T_map_cam, self.camera, self._level_scale)
         found = self._match_map(frame, predictions, widen)
         feature, row = found[found >= 0], predictions.row[found >= 0]

@@ -25,7 +25,7 @@ class FeatureExtractor:
         layout = PyramidLayout.of(camera.width, camera.height, s.n_levels, s.scale_factor)
         self._pyramids = Pyramid(layout), Pyramid(layout)
         self._detectors = tuple(
-            OrbDetector(n, s.n_levels, s.scale_factor, s.fast_threshold) for n in (s.n_features, s.n_features_right)
+            OrbDetector(n, layout, s.fast_threshold) for n in (s.n_features, s.n_features_right)
         )
         self._right_thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="right-image")
 

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.vehicle.vision.pyramid import PyramidLayout
 from autowaze.world.columns import Columns
 from autowaze.world.frame import Image
 
@@ -35,8 +36,10 @@ class Keypoints(Columns):
 class OrbDetector:
     """Finds many corners and keeps those that cover the image best."""
 
-    def __init__(self, n_features: int, n_levels: int, scale_factor: float, fast_threshold: int) -> None:
+    def __init__(self, n_features: int, layout: PyramidLayout, fast_threshold: int) -> None:
         self.n_features = n_features
+        self.layout = layout
+        n_levels, scale_factor = len(layout.scale), float(layout.scale[1])
         self._quota = level_quota(n_features, n_levels, scale_factor)
         self._orb = cv2.ORB_create(
             nfeatures=int(_CANDIDATES_PER_FEATURE * n_features),
@@ -56,9 +59,11 @@ class OrbDetector:
         octave = np.fromiter((k.octave for k in candidates), np.uint8, len(candidates))
         chosen = spread(uv, octave, response, self._quota, (image.shape[1], image.shape[0]))
         kept, descriptor = self._orb.compute(image, [candidates[i] for i in chosen])
+        octave = octave[chosen]
+        xy_level = np.rint(np.asarray(cv2.KeyPoint_convert(kept)) / self.layout.scale[octave][:, None])
         return Keypoints(
-            uv=np.asarray(cv2.KeyPoint_convert(kept), dtype=np.float32),
-            octave=octave[chosen],
+            uv=self.layout.to_image(xy_level, octave).astype(np.float32),
+            octave=octave,
             angle=np.fromiter((np.deg2rad(k.angle) for k in kept), np.float32, len(kept)),
             descriptor=descriptor,
         )

@@ -17,13 +17,15 @@ class PyramidLayout:
 
     Attributes:
         width, height, offset: (L,) int64, size of each level in pixels and its start in the block.
-        scale: (L,) float64, how much smaller the level is than the image.
+        scale: (L,) float64, how much smaller the level is than the image, nominally.
+        pixel: (L, 2) float64, the exact size of its pixels in x and y: levels have whole widths and heights.
     """
 
     width: NDArray[np.int64]
     height: NDArray[np.int64]
     offset: NDArray[np.int64]
     scale: NDArray[np.float64]
+    pixel: NDArray[np.float64]
 
     @classmethod
     def of(cls, width: int, height: int, n_levels: int, scale_factor: float) -> PyramidLayout:
@@ -32,7 +34,15 @@ class PyramidLayout:
         widths = np.rint(width / scale).astype(np.int64)
         heights = np.rint(height / scale).astype(np.int64)
         offset = np.concatenate([[0], np.cumsum(widths * heights)[:-1]]).astype(np.int64)
-        return cls(widths, heights, offset, scale)
+        pixel = np.column_stack([width / widths, height / heights])
+        return cls(widths, heights, offset, scale, pixel)
+
+    def to_image(self, xy_level: NDArray[np.floating], octave: NDArray[np.integer]) -> NDArray[np.float64]:
+        """Image pixels (N, 2) of pixels (N, 2) of levels (N,); pixel centres lie at whole numbers on every level.
+
+        Multiplying by the scale, as is often done, is off by half a level's pixel less half an image pixel.
+        """
+        return np.asarray((xy_level + 0.5) * self.pixel[octave] - 0.5, dtype=np.float64)
 
     @property
     def size(self) -> int:

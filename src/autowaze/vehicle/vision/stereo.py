@@ -48,6 +48,7 @@ def match_stereo(
         layout.height,
         layout.offset,
         layout.scale,
+        layout.pixel,
         min_disparity_px,
         max_disparity_px,
         max_hamming,
@@ -61,7 +62,7 @@ def match_stereo(
 @compiled
 def _match_rows(  # type: ignore[no-untyped-def]
     uv_left, octave_left, words_left, uv_right, octave_right, words_right, rows,
-    block_left, block_right, width, height, offset, scale, min_disparity, max_disparity, max_hamming,
+    block_left, block_right, width, height, offset, scale, pixel, min_disparity, max_disparity, max_hamming,
 ):  # fmt: skip
     n = uv_left.shape[0]
     u_right = np.full(n, np.nan, np.float32)
@@ -86,9 +87,10 @@ def _match_rows(  # type: ignore[no-untyped-def]
             continue
         u, sad = _refine(
             block_left[offset[octave] :], block_right[offset[octave] :], width[octave], height[octave],
-            uv_left[i, 0] / scale[octave], uv_left[i, 1] / scale[octave], uv_right[best, 0] / scale[octave],
+            (uv_left[i, 0] + 0.5) / pixel[octave, 0] - 0.5, (uv_left[i, 1] + 0.5) / pixel[octave, 1] - 0.5,
+            (uv_right[best, 0] + 0.5) / pixel[octave, 0] - 0.5,
         )  # fmt: skip
-        disparity = uv_left[i, 0] - u * scale[octave]
+        disparity = uv_left[i, 0] - ((u + 0.5) * pixel[octave, 0] - 0.5)
         if min_disparity <= disparity <= max_disparity:
             u_right[i] = uv_left[i, 0] - disparity
             cost[i] = sad

@@ -9,32 +9,123 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.vehicle.semantics.box_filter import boxes_to_measurements
+from autowaze.vehicle.semantics.instance_depth import InstanceDepths
 from autowaze.world.camera import StereoCamera
+from autowaze.world.labels import ClassLabel
 from autowaze.world.pose import Pose, inverse, transform
 
 _NEAREST_M = 0.5  # corners closer to the image plane, or behind it, are taken to be here
+_TOLERANCE_M, _DISPARITY_SIGMA_PX, _SIGMAS = 2.0, 0.5, 4.0
+_MAX_DISAGREEMENTS = 2
+_DEPTH_GAIN = 0.5
+_MAX_GROWTH = 1.2  # of a box from one frame to the next, beyond what ego motion explains
+_BORDER_PX = 2.0
+
+# Usual heights in metres, to place what stereo cannot.
+_HEIGHT_M = np.full(len(ClassLabel), 1.0)
+_HEIGHT_M[[ClassLabel.CAR, ClassLabel.TWO_WHEELER, ClassLabel.PERSON]] = 1.5, 1.5, 1.7
+_HEIGHT_M[[ClassLabel.TRUCK, ClassLabel.BUS]] = 3.0
 
 
-def billboards(
-    boxes: NDArray[np.floating], edge_depth: NDArray[np.floating], camera: StereoCamera, T_map_cam: Pose
-) -> NDArray[np.float64]:
-    """Corners (N, 4, 3) in map metres of boxes (N, 4) whose left and right edges are `edge_depth` (N, 2) m away."""
-    left, top, right, bottom = np.asarray(boxes, dtype=np.float64).T
-    u = np.stack([left, right, right, left], axis=1)
-    v = np.stack([top, top, bottom, bottom], axis=1)
-    depth = np.asarray(edge_depth, dtype=np.float64)[:, [0, 1, 1, 0]]
-    corners = camera.back_project(np.stack([u, v], axis=2).reshape(-1, 2), depth.reshape(-1))
-    return transform(T_map_cam, corners).reshape(-1, 4, 3)
+class Billboards:
+    """Where in the map the visible sides of the tracks stand, one row per track."""
 
+    def __init__(self, camera: StereoCamera) -> None:
+        self.camera = camera
+        self._corners = np.zeros((0, 4, 3))
+        self._disagreements = np.zeros(0, np.int64)
+        self._measured = np.zeros(0, np.bool_)
+        self._T_map_cam: Pose | None = None
 
-def project_billboards(
-    corners: NDArray[np.float64], camera: StereoCamera, T_map_cam: Pose
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Boxes (N, 4) that hold the corners (N, 4, 3), cut to the image, and mean depths (N,); NaN stays NaN."""
-    points = transform(inverse(T_map_cam), corners.reshape(-1, 3))
-    depth = points[:, 2].reshape(-1, 4).mean(axis=1)
-    points[:, 2] = np.maximum(points[:, 2], _NEAREST_M)
-    uv = camera.project(points)[:, :2].reshape(-1, 4, 2)
-    limit = np.array([camera.width, camera.height], dtype=np.float64)
-    low, high = np.clip(uv.min(axis=1), 0, limit), np.clip(uv.max(axis=1), 0, limit)
-    return np.concatenate([low, high], axis=1), depth
+    @property
+    def placed(self) -> NDArray[np.bool_]:
+        """Tracks (T,) whose place rests on stereo, not on a guess from their size."""
+        return self._measured
+
+    def add(self, n: int) -> None:
+        """Append tracks without a place."""
+        self._corners = np.concatenate([self._corners, np.full((n, 4, 3), np.nan)])
+        self._disagreements = np.concatenate([self._disagreements, np.zeros(n, np.int64)])
+        self._measured = np.concatenate([self._measured, np.zeros(n, np.bool_)])
+
+    def keep(self, rows: NDArray[np.bool_]) -> None:
+        """Drop the other tracks."""
+        self._corners, self._disagreements = self._corners[rows], self._disagreements[rows]
+        self._measured = self._measured[rows]
+
+    def shift(self, T_map_cam: Pose | None) -> NDArray[np.float64]:
+        """Change (T, 4) of u, v, s, r of the boxes since the frame before, were they to stand; zero where unknown."""
+        before, self._T_map_cam = self._T_map_cam, T_map_cam
+        if before is None or T_map_cam is None:
+            return np.zeros((len(self._corners), 4))
+        then, _ = self._project(np.arange(len(self._corners)), before)
+        now, _ = self._project(np.arange(len(self._corners)), T_map_cam)
+        return np.nan_to_num(boxes_to_measurements(now) - boxes_to_measurements(then))
+
+    def depth(self) -> NDArray[np.float64]:
+        """Depth (T,) in metres at which each track should be seen in this frame; NaN unless stereo placed it."""
+        if self._T_map_cam is None:
+            return np.full(len(self._corners), np.nan)
+        _, edges = self._project(np.arange(len(self._corners)), self._T_map_cam)
+        return np.where(self._measured, edges.mean(axis=1), np.nan)
+
+    def tolerance(self, depth: NDArray[np.float64]) -> NDArray[np.float64]:
+        """By how many metres two depths of one thing may differ."""
+        return np.asarray(_TOLERANCE_M + _SIGMAS * _DISPARITY_SIGMA_PX * depth**2 / self.camera.bf)
+
+    def place(
+        self,
+        rows: NDArray[np.int64],
+        boxes: NDArray[np.float32],
+        labels: NDArray[np.uint8],
+        depths: InstanceDepths,
+    ) -> None:
+        """Take in where the tracks of these rows were seen in this frame.
+
+        A measured depth moves a track's place half the way. One that contradicts the place is doubted twice, as
+        something thin may stand in front. Without a good measurement the depth follows the height of the box.
+        """
+        if self._T_map_cam is None:
+            return
+        standing, expected = self._project(rows, self._T_map_cam)
+        followed = expected * self._growth(standing, boxes)[:, None]
+        by_size = _HEIGHT_M[labels] * self.camera.fy / np.maximum(boxes[:, 3] - boxes[:, 1], 1.0)
+        followed = np.where(np.isfinite(followed), followed, by_size[:, None])
+        measured = np.stack([depths.left, depths.right], axis=1)
+        off = np.abs(measured.mean(axis=1) - followed.mean(axis=1))
+        known = np.isfinite(off)
+        agrees = known & (off <= self.tolerance(followed.mean(axis=1)))
+        doubted = known & ~agrees & self._measured[rows] & (self._disagreements[rows] < _MAX_DISAGREEMENTS)
+        self._disagreements[rows] = np.where(doubted, self._disagreements[rows] + 1, 0)
+        blended = followed + _DEPTH_GAIN * (measured - followed)
+        edges = np.where((agrees & self._measured[rows])[:, None], blended, measured)
+        edges = np.where((known & ~doubted)[:, None], edges, followed)
+        self._measured[rows] |= known
+        self._corners[rows] = self._stand_up(boxes, np.maximum(edges, _NEAREST_M))
+
+    def _growth(self, standing: NDArray[np.float64], boxes: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Height of the standing box over that of the box seen; 1 where the image's border cuts either."""
+        limit = self.camera.height - 1 - _BORDER_PX
+        cut = (np.minimum(standing[:, 1], boxes[:, 1]) < _BORDER_PX) | (np.maximum(standing[:, 3], boxes[:, 3]) > limit)
+        ratio = (standing[:, 3] - standing[:, 1]) / np.maximum(boxes[:, 3] - boxes[:, 1], 1.0)
+        return np.where(cut, 1.0, np.clip(ratio, 1 / _MAX_GROWTH, _MAX_GROWTH))
+
+    def _stand_up(self, boxes: NDArray[np.float32], edges: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Corners (n, 4, 3) in map metres of boxes (n, 4) with edges (n, 2) so many metres away."""
+        left, top, right, bottom = boxes.astype(np.float64).T
+        uv = np.stack([left, top, right, top, right, bottom, left, bottom], axis=1).reshape(-1, 2)
+        corners = self.camera.back_project(uv, edges[:, [0, 1, 1, 0]].reshape(-1))
+        assert self._T_map_cam is not None
+        return transform(self._T_map_cam, corners).reshape(-1, 4, 3)
+
+    def _project(self, rows: NDArray[np.int64], T_map_cam: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Boxes (n, 4) that hold the corners, cut to the image, and the depths (n, 2) of their edges."""
+        points = transform(inverse(T_map_cam), self._corners[rows].reshape(-1, 3))
+        depth = points[:, 2].reshape(-1, 4)
+        edges = np.stack([depth[:, [0, 3]].mean(axis=1), depth[:, [1, 2]].mean(axis=1)], axis=1)
+        points[:, 2] = np.maximum(points[:, 2], _NEAREST_M)
+        uv = self.camera.project(points)[:, :2].reshape(-1, 4, 2)
+        limit = np.array([self.camera.width, self.camera.height], dtype=np.float64)
+        low, high = np.clip(uv.min(axis=1), 0, limit), np.clip(uv.max(axis=1), 0, limit)
+        return np.concatenate([low, high], axis=1), edges

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from autowaze.vehicle.semantics.association import edge_depths
+from autowaze.vehicle.semantics.instance_depth import measure_depths
 from autowaze.vehicle.semantics.propagation import propagate
 from autowaze.vehicle.semantics.segmenter import Segmenter
 from autowaze.vehicle.semantics.sort import Sort, SortSettings
@@ -56,5 +56,5 @@ class SemanticPerception:
         self, detections: Detections, features: CameraFeatures | None = None, T_map_cam: Pose | None = None
     ) -> Tracks:
         """Ids for the detections of the frame."""
-        depths = edge_depths(detections, features) if features is not None else None
+        depths = measure_depths(features, detections) if features is not None else None
         return self._sort.update(detections, T_map_cam, depths)

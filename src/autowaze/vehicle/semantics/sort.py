@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from autowaze.vehicle.semantics.billboard import billboards, project_billboards
+from autowaze.vehicle.semantics.billboard import Billboards
 from autowaze.vehicle.semantics.box_filter import BoxFilter, boxes_to_measurements, states_to_boxes
 from autowaze.vehicle.semantics.classes import kinds
+from autowaze.vehicle.semantics.instance_depth import InstanceDepths
 from autowaze.world.camera import StereoCamera
 from autowaze.world.instances import Detections, Tracks
 from autowaze.world.labels import ClassLabel
@@ -29,148 +30,130 @@ class SortSettings:
 
     Attributes:
         min_iou: least overlap of a detection with the foretold box (paper: IoU_min).
+        min_iou_elsewhere: the same where the depths contradict each other; the depth may be that of a pole in front.
         min_hits: frames that a track must have been seen in before it is reported.
         max_age: frames without a detection that a track survives (paper: T_Lost = 1).
         max_age_in_map: the same for a track whose place in the map is known and in view.
+        max_drift: shift of a box per frame over its size, beyond ego motion, up to which the object may be standing.
         min_containment: least share of a detection that lies in the foretold box of a partly hidden object, when
             their depths agree.
-        depth_tolerance_m, disparity_sigma_px: depths agree within the tolerance plus four standard deviations.
     """
 
     min_iou: float = 0.3
+    min_iou_elsewhere: float = 0.6
     min_hits: int = 1
     max_age: int = 1
     max_age_in_map: int = 30
+    max_drift: float = 0.06
     min_containment: float = 0.7
-    depth_tolerance_m: float = 2.0
-    disparity_sigma_px: float = 0.5
 
 
 class Sort:
-    """Gives detections ids that hold over frames; plain SORT without camera, poses and depths."""
+    """Gives detections ids that hold over frames; plain SORT without a camera or without poses and depths."""
 
     def __init__(self, camera: StereoCamera | None = None, settings: SortSettings = SortSettings()) -> None:
         self.camera = camera
         self.settings = settings
         self._filter = BoxFilter()
+        self._billboards = Billboards(camera) if camera is not None else None
         self._id = np.zeros(0, np.int32)
         self._hits = np.zeros(0, np.int64)
         self._age = np.zeros(0, np.int64)
         self._votes = np.zeros((0, len(ClassLabel)))
-        self._corners = np.zeros((0, 4, 3))
         self._next_id = 1
-        self._T_map_cam: Pose | None = None
 
     def update(
-        self,
-        detections: Detections,
-        T_map_cam: Pose | None = None,
-        edge_depth: NDArray[np.floating] | None = None,
+        self, detections: Detections, T_map_cam: Pose | None = None, depths: InstanceDepths | None = None
     ) -> Tracks:
         """Tracks of the next frame.
 
         Args:
             detections: instances of the frame.
             T_map_cam: pose of the frame or its prediction; None for plain SORT.
-            edge_depth: (N, 2) depth in metres of each detection's surface at the left and at the right edge of its
-                box (`association.edge_depths`); NaN where unknown.
+            depths: how far away the detections are (`instance_depth.measure_depths`); None for plain SORT.
 
         Returns:
             The detections that belong to a reported track, in their order, with the label most often seen.
         """
         measured = boxes_to_measurements(detections.box)
-        depth = np.full((len(detections), 2), np.nan) if edge_depth is None else np.asarray(edge_depth, np.float64)
-        track_depth = self._predict(T_map_cam)
-        row_of_detection = self._match(detections, depth.mean(axis=1), track_depth)
-        known = np.flatnonzero(row_of_detection >= 0)
+        depths = depths if depths is not None else InstanceDepths.unknown(len(detections))
+        self._filter.predict(self._billboards.shift(T_map_cam) if self._billboards else np.zeros((len(self._id), 4)))
+        rows = self._match(detections, depths)
         self._age += 1
-        self._filter.correct(row_of_detection[known], measured[known])
-        row_of_detection = self._start_tracks(row_of_detection, measured)
-        self._age[row_of_detection] = 0
-        self._hits[row_of_detection] += 1
-        self._votes[row_of_detection, detections.label] += detections.confidence
-        self._place(row_of_detection, detections, depth, T_map_cam)
-        tracks = self._report(row_of_detection, detections)
+        known = rows >= 0
+        self._filter.correct(rows[known], measured[known])
+        rows[~known] = self._start_tracks(measured[~known])
+        self._age[rows] = 0
+        self._hits[rows] += 1
+        self._votes[rows, detections.label] += detections.confidence
+        if self._billboards:
+            self._billboards.place(rows, detections.box, detections.label, depths)
+        tracks = self._report(rows, detections)
         self._drop_lost()
         return tracks
 
-    def _predict(self, T_map_cam: Pose | None) -> NDArray[np.float64]:
-        """Move every track to the next frame; depths (T,) where the tracks should be seen, NaN if unknown."""
-        shift = np.zeros((len(self._id), 4))
-        depth = np.full(len(self._id), np.nan)
-        if self.camera is not None and T_map_cam is not None and self._T_map_cam is not None:
-            before, _ = project_billboards(self._corners, self.camera, self._T_map_cam)
-            after, depth = project_billboards(self._corners, self.camera, T_map_cam)
-            moved = boxes_to_measurements(after) - boxes_to_measurements(before)
-            shift = np.where(np.isfinite(depth)[:, None], moved, 0.0)
-        self._filter.predict(shift)
-        self._T_map_cam = T_map_cam
-        return depth
-
-    def _match(
-        self, detections: Detections, depth: NDArray[np.float64], track_depth: NDArray[np.float64]
-    ) -> NDArray[np.int64]:
+    def _match(self, detections: Detections, depths: InstanceDepths) -> NDArray[np.int64]:
         """Row (D,) of the track that each detection continues, -1 for none."""
-        s = self.settings
-        boxes = states_to_boxes(self._filter.mean)
-        iou, containment = _overlaps(np.asarray(detections.box, np.float64), boxes)
-        difference = np.abs(depth[:, None] - track_depth[None, :])
-        allowed = s.depth_tolerance_m + 4.0 * self._depth_sigma(np.fmin(depth[:, None], track_depth[None, :]))
-        both_known = np.isfinite(difference)
+        iou, containment = _overlaps(np.asarray(detections.box, np.float64), states_to_boxes(self._filter.mean))
         same_kind = kinds(detections.label)[:, None] == kinds(self._label())[None, :]
-        possible = same_kind & ~(both_known & (difference > allowed))
+        elsewhere, agree = self._compare_depths(depths)
         rows = np.full(len(detections), -1, np.int64)
-        _assign(rows, np.where(possible & (iou >= s.min_iou), iou, 0.0))
-        _assign(rows, np.where(possible & both_known & (containment >= s.min_containment), containment, 0.0))
+        s = self.settings
+        enough = iou >= np.where(elsewhere, s.min_iou_elsewhere, s.min_iou)
+        _assign(rows, np.where(same_kind & enough, np.where(elsewhere, iou - s.min_iou, iou), 0.0))
+        _assign(rows, np.where(same_kind & agree & (containment >= s.min_containment), containment, 0.0))
         return rows
 
-    def _depth_sigma(self, depth: NDArray[np.float64]) -> NDArray[np.float64]:
-        if self.camera is None:
-            return np.zeros_like(depth)
-        return np.asarray(depth**2 / self.camera.bf * self.settings.disparity_sigma_px)
+    def _compare_depths(self, depths: InstanceDepths) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which detections lie wholly before or behind a track, and which at its depth; (D, T) each."""
+        if self._billboards is None:
+            nothing = np.zeros((len(depths), len(self._id)), np.bool_)
+            return nothing, nothing
+        track = self._billboards.depth()[None, :]
+        tolerance = self._billboards.tolerance(track)
+        near, far = depths.near[:, None], depths.far[:, None]
+        middle = (depths.left + depths.right)[:, None] / 2
+        elsewhere = (near > track + tolerance) | (far < track - tolerance)
+        return elsewhere, np.abs(middle - track) <= tolerance
 
-    def _start_tracks(self, row_of_detection: NDArray[np.int64], measured: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Append a track per unmatched detection; returns the rows (D,), now complete."""
-        new = np.flatnonzero(row_of_detection < 0)
-        rows = row_of_detection.copy()
-        rows[new] = len(self._id) + np.arange(len(new))
-        self._filter.add(measured[new])
-        self._id = np.concatenate([self._id, np.arange(self._next_id, self._next_id + len(new), dtype=np.int32)])
-        self._next_id += len(new)
-        self._hits = np.concatenate([self._hits, np.zeros(len(new), np.int64)])
-        self._age = np.concatenate([self._age, np.zeros(len(new), np.int64)])
-        self._votes = np.concatenate([self._votes, np.zeros((len(new), len(ClassLabel)))])
-        self._corners = np.concatenate([self._corners, np.full((len(new), 4, 3), np.nan)])
-        return rows
-
-    def _place(
-        self,
-        rows: NDArray[np.int64],
-        detections: Detections,
-        depth: NDArray[np.float64],
-        T_map_cam: Pose | None,
-    ) -> None:
-        """Remember where in the map the detected sides stand; without depth the old place no longer counts."""
-        if self.camera is not None and T_map_cam is not None:
-            self._corners[rows] = billboards(detections.box, depth, self.camera, T_map_cam)
+    def _start_tracks(self, measured: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Append a track per measured box (n, 4); returns their rows (n,)."""
+        n, first = len(measured), len(self._id)
+        self._filter.add(measured)
+        if self._billboards:
+            self._billboards.add(n)
+        self._id = np.concatenate([self._id, np.arange(self._next_id, self._next_id + n, dtype=np.int32)])
+        self._next_id += n
+        self._hits = np.concatenate([self._hits, np.zeros(n, np.int64)])
+        self._age = np.concatenate([self._age, np.zeros(n, np.int64)])
+        self._votes = np.concatenate([self._votes, np.zeros((n, len(ClassLabel)))])
+        return first + np.arange(n)
 
     def _report(self, rows: NDArray[np.int64], detections: Detections) -> Tracks:
-        d = detections[self._hits[rows] >= self.settings.min_hits]
-        shown = rows[self._hits[rows] >= self.settings.min_hits]
+        reported = self._hits[rows] >= self.settings.min_hits
+        d, shown = detections[reported], rows[reported]
         return Tracks(self._id[shown], d.box, self._label()[shown], d.confidence, d.mask)
 
     def _drop_lost(self) -> None:
-        boxes = states_to_boxes(self._filter.mean)
-        limit = np.array([self.camera.width, self.camera.height] if self.camera else [np.inf, np.inf])
-        in_view = ((boxes[:, 2:] > 0) & (boxes[:, :2] < limit)).all(axis=1)
-        in_map = np.isfinite(self._corners).all(axis=(1, 2)) & in_view
-        keep = self._age <= np.where(in_map, self.settings.max_age_in_map, self.settings.max_age)
+        keep = self._age <= np.where(self._waits_in_map(), self.settings.max_age_in_map, self.settings.max_age)
         self._filter.keep(keep)
+        if self._billboards:
+            self._billboards.keep(keep)
         self._id, self._hits, self._age = self._id[keep], self._hits[keep], self._age[keep]
-        self._votes, self._corners = self._votes[keep], self._corners[keep]
+        self._votes = self._votes[keep]
+
+    def _waits_in_map(self) -> NDArray[np.bool_]:
+        """Tracks (T,) whose place is known and in view, and whose box moves as that of a standing object."""
+        if self.camera is None or self._billboards is None:
+            return np.zeros(len(self._id), np.bool_)
+        boxes = states_to_boxes(self._filter.mean)
+        size = np.sqrt(self._filter.mean[:, 2])
+        stands = np.hypot(self._filter.mean[:, 4], self._filter.mean[:, 5]) < self.settings.max_drift * size + 1.0
+        in_view = (boxes[:, 2:] > 0) & (boxes[:, :2] < [self.camera.width, self.camera.height])
+        return np.asarray(stands & in_view.all(axis=1) & self._billboards.placed)
 
     def _label(self) -> NDArray[np.uint8]:
-        """Label (T,) of the most confident votes."""
+        """Label (T,) with the most confident votes."""
         return np.asarray(self._votes.argmax(axis=1), dtype=np.uint8)
 
 

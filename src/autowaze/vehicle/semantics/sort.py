@@ -29,7 +29,7 @@ class SortSettings:
     """What can be set about tracking.
 
     Attributes:
-        min_iou: least overlap of a detection with the foretold box (paper: IoU_min).
+        min_iou: least overlap of a detection with the foretold box (paper: IoU_min = 0.3).
         min_iou_elsewhere: the same where the depths contradict each other; the depth may be that of a pole in front.
         min_hits: frames that a track must have been seen in before it is reported.
         max_age: frames without a detection that a track survives (paper: T_Lost = 1).
@@ -39,8 +39,8 @@ class SortSettings:
             their depths agree.
     """
 
-    min_iou: float = 0.3
-    min_iou_elsewhere: float = 0.6
+    min_iou: float = 0.2
+    min_iou_elsewhere: float = 0.5
     min_hits: int = 1
     max_age: int = 1
     max_age_in_map: int = 30

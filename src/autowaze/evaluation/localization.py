@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.vehicle.diffing.removal import LookedFor
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
+from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.pose import inverse
 
 
@@ -44,3 +46,14 @@ def localization_errors(tracked: list[TrackedFrame], T_map_true: NDArray[np.floa
     estimates = np.stack([t.T_map_cam for t in tracked])[localized]
     offset = (inverse(T_map_true[localized]) @ estimates)[:, :3, 3]
     return LocalizationErrors(offset[:, 0], -offset[:, 1], offset[:, 2], float(localized.mean()))
+
+
+def removal_metrics(diffs: list[SemanticMapDiff], looked_for: list[LookedFor]) -> dict[str, float]:
+    """How many of the stored features that should have been seen the diffs of a drive call removed."""
+    predicted = np.unique(np.concatenate([seen.map_id[seen.matched + seen.missed > 0] for seen in looked_for]))
+    removed = np.unique(np.concatenate([diff.removed for diff in diffs]))
+    return {
+        "predicted_visible": float(len(predicted)),
+        "removed": float(len(removed)),
+        "removed_fraction": len(removed) / max(len(predicted), 1),
+    }

@@ -15,6 +15,7 @@ _SPREAD_M = 0.5
 """Static features are spread over cells of this edge before the best-seen are kept."""
 _KNOWN_FRACTION = 0.5
 """An instance of which this share lies on stored vehicle features is the stored one."""
+_BYTES_PER_DESCRIBED, _BYTES_PER_PLAIN = 43, 6  # on the wire, after compression, seen on real streets
 _NEVER_MAPPED = (ClassLabel.PERSON, ClassLabel.ANIMAL)
 
 
@@ -43,6 +44,7 @@ def new_features(
     moving_instances: NDArray[np.int64],
     stored_vehicles: NDArray[np.float64],
     settings: DiffSettings,
+    byte_budget: int,
 ) -> NDArray[np.int64]:
     """Row numbers of the candidates worth sending: described static ones first, then by instance.
 
@@ -51,6 +53,7 @@ def new_features(
         moving_instances: ids of instances that move; their features are traffic, not map.
         stored_vehicles: (M, 3) positions of the map's vehicle features that are still there.
         settings: thresholds.
+        byte_budget: what the features may take on the wire.
     """
     movable = is_movable(candidates.label)
     enough = np.where(movable, settings.min_found_vehicle, settings.min_found_static)
@@ -61,8 +64,10 @@ def new_features(
         & ~np.isin(candidates.label, _NEVER_MAPPED)
     )
     eligible &= ~_known_instances(candidates, eligible, stored_vehicles, settings)
-    static = _best_spread(candidates, np.flatnonzero(eligible & ~movable), settings.max_new_static)
     instanced = _best_per_instance(candidates, np.flatnonzero(eligible & movable), settings.max_per_instance)
+    room = (byte_budget - _BYTES_PER_PLAIN * len(instanced)) // _BYTES_PER_DESCRIBED
+    limit = max(min(settings.max_new_static, room), 0)
+    static = _best_spread(candidates, np.flatnonzero(eligible & ~movable), limit)
     return np.concatenate([static, instanced])
 
 

@@ -29,6 +29,17 @@ class LookedFor:
     matched: NDArray[np.int64]
     sights: NDArray[np.int64]
 
+    @classmethod
+    def empty(cls) -> LookedFor:
+        """Nothing was looked for."""
+        return cls(
+            np.zeros(0, np.uint64),
+            np.zeros((0, 3)),
+            np.zeros(0, np.uint64),
+            np.zeros(0, np.int64),
+            np.zeros((0, len(Sight)), np.int64),
+        )
+
     @property
     def missed(self) -> NDArray[np.int64]:
         """Frames (N,) that should have seen it and did not; those where something hides it do not count."""

@@ -23,6 +23,8 @@ class DiffSettings(BaseModel):
         max_depth_sigma_m: a new feature must have been seen near enough for its depth to be this certain.
         max_new_static: described features per window; the best-seen ones, spread in space.
         max_per_instance: features per instance.
+        max_diff_bytes: room for the whole diff; static features take what vehicles and ground leave (thesis, sec. 4.5:
+            at most 60 KB).
         known_radius_m: a vehicle feature this near to a stored one of the same place is no news.
         trajectory_interval_s: time between points of the trajectory.
     """
@@ -41,6 +43,7 @@ class DiffSettings(BaseModel):
     min_found_vehicle: int = Field(default=2, ge=1)
     max_depth_sigma_m: float = Field(default=0.35, gt=0)
     max_new_static: int = Field(default=1000, ge=0)
-    max_per_instance: int = Field(default=120, ge=1)
+    max_per_instance: int = Field(default=100, ge=1)
+    max_diff_bytes: int = Field(default=55_000, ge=2000)
     known_radius_m: float = Field(default=0.35, gt=0)
     trajectory_interval_s: float = Field(default=1.0, gt=0)

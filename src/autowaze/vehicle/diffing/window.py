@@ -33,6 +33,7 @@ _MATCHED = len(Sight)
 _NO_DEPTH_M = 1e3
 _LABEL_BITS = 4
 _SUPPORT_RANGE_M = 25.0
+_BYTES_PER_CELL, _BYTES_OF_THE_REST = 1, 1500  # on the wire: ground, instances, traffic, path
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,11 @@ class FrameObservation:
 
 
 class DiffWindow:
-    """Gathers frames and closes with what changed against the stored map."""
+    """Gathers frames and closes with what changed against the stored map.
+
+    Attributes:
+        looked_for: the stored features that the last closed window should have seen, and what it saw.
+    """
 
     def __init__(
         self,
@@ -65,6 +70,7 @@ class DiffWindow:
         self._sequence = 0
         self._sent = np.zeros(0, np.int64)
         self._removed = np.zeros(0, np.uint64)
+        self.looked_for = LookedFor.empty()
         self._open()
 
     @property
@@ -218,9 +224,9 @@ class DiffWindow:
         )
 
     def _removed_ids(self, landmarks: Landmarks) -> NDArray[np.uint64]:
+        seen = self.looked_for = self._looked_for_rows(landmarks)
         if len(self._sigmas) < self.settings.min_localized_fraction * len(self._times):
             return np.zeros(0, np.uint64)
-        seen = self._looked_for_rows(landmarks)
         removed = seen.map_id[removed_features(seen, self.settings)]
         return np.setdiff1d(removed, self._removed)
 
@@ -244,8 +250,8 @@ class DiffWindow:
             max_distance=landmarks.max_distance[rows].copy(),
             label=candidates.label[chosen],
             instance_key=instance_keys(self.session, candidates.instance[chosen]),
-            first_seen=landmarks.first_seen[rows].copy(),
-            last_seen=landmarks.last_seen[rows].copy(),
+            first_seen=np.full(n, self._times[0]),
+            last_seen=np.full(n, self._times[-1]),
             observations=np.minimum(candidates.found[chosen], 0xFFFF).astype(np.uint16),
         ), candidates.landmark_id[chosen]
 

@@ -1,0 +1,79 @@
+"""`autowaze drive`: one car over a trace, cloud in the same process."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from autowaze.cli.options import (
+    Cameras,
+    Frames,
+    JsonFile,
+    Model,
+    TracePath,
+    console,
+    opened,
+    print_metrics,
+    segmenter,
+    show_progress,
+)
+from autowaze.cloud.service import CloudService
+from autowaze.evaluation.birdseye import draw_birdseye
+from autowaze.evaluation.datum import Start, starting_point
+from autowaze.evaluation.drive import run_drive
+from autowaze.evaluation.latency import latency_metrics
+from autowaze.evaluation.network import network_metrics
+from autowaze.evaluation.overlay import OverlayVideo
+from autowaze.evaluation.report import report, write_report
+from autowaze.vehicle.node import VehicleNode
+from autowaze.world.map_file import load_map
+from autowaze.world.parking import Occupancy, ParkingMap
+
+
+def drive(
+    trace: TracePath,
+    spots: Annotated[Path, typer.Option(help="Parking map, GeoJSON.", show_default=False)],
+    model: Model = None,
+    stored_map: Annotated[Path | None, typer.Option("--map", help="Stored map to localise in.")] = None,
+    cameras: Cameras = "auto",
+    frames: Frames = "",
+    start: Annotated[Start, typer.Option(help="What the car knows of where it starts.")] = Start.GNSS,
+    method: Annotated[str, typer.Option(help="How the cloud decides: thesis or fused.")] = "fused",
+    plot: Annotated[Path | None, typer.Option(help="Draw the bird's-eye view into this picture.")] = None,
+    video: Annotated[Path | None, typer.Option(help="Overlays: an .mp4 file, or a folder of pictures.")] = None,
+    vacant: Annotated[Path | None, typer.Option(help="Write the vacant rectangles (JSON) here.")] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Drive a trace and say which spots are free.
+
+    Examples:
+
+        autowaze drive drives/monday --spots street.geojson --map street.map --plot monday.png
+
+        autowaze drive kitti/odometry_00 --spots kitti/odometry_00/parking_map.geojson --start first-true-pose
+        --video overlays/
+    """
+    source, parking_map = opened(trace, cameras, frames), ParkingMap.from_geojson(spots)
+    base_map = load_map(stored_map) if stored_map else None
+    cloud = CloudService(parking_map, method=method, base_map=base_map)
+    node = VehicleNode(
+        source.camera, segmenter(model), stored_map=base_map, start=starting_point(source, parking_map, start)
+    )
+    with OverlayVideo.open(video) as overlays:
+        record = run_drive(source, node, cloud.receive, show_progress, overlays.add)
+    for index, state, reason in record.state_changes():
+        console.print(f"frame {index}: {state}{': ' + reason if reason else ''}")
+    counts = {state: sum(s.occupancy is state for s in cloud.states) for state in Occupancy}
+    console.print(", ".join(f"{n} {state}" for state, n in counts.items()) + f" of {len(cloud.states)} spots")
+    results = {source.name: {**latency_metrics(record, node, cloud), **network_metrics(record)}}
+    print_metrics("drive", results)
+    if plot:
+        draw_birdseye(plot, record.T_map_cam, cloud, title=f"{source.name}, method {method}")
+    if vacant:
+        vacant.write_text(json.dumps(cloud.vacant(), indent=1) + "\n", encoding="utf-8")
+    if json_file:
+        inputs = {"trace": str(trace), "spots": str(spots), "model": str(model), "method": method, "start": start}
+        write_report(json_file, report(inputs, results))

@@ -1,0 +1,42 @@
+"""`autowaze`: the command line."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+from rich.console import Console
+
+from autowaze import __version__
+from autowaze.cli import evaluate
+from autowaze.cli.drive import drive
+from autowaze.cli.map import build_map
+from autowaze.world.errors import AutowazeError
+
+app = typer.Typer(
+    name="autowaze",
+    help="Every car with a stereo camera becomes a parking sensor.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+)
+app.command("map")(build_map)
+app.command("drive")(drive)
+app.add_typer(evaluate.app, name="evaluate")
+
+
+@app.callback(invoke_without_command=True)
+def root(version: bool = typer.Option(False, "--version", help="Print the version and exit.")) -> None:
+    """Say the version, if asked."""
+    if version:
+        typer.echo(f"autowaze {__version__}")
+        raise typer.Exit
+
+
+def run() -> None:
+    """Entry point: an `AutowazeError` becomes one line and exit code 2."""
+    try:
+        app()
+    except AutowazeError as error:
+        Console(stderr=True, highlight=False, soft_wrap=True).print(f"[bold red]error:[/] {error}", markup=True)
+        sys.exit(2)

@@ -235,9 +235,10 @@ class DiffWindow:
         candidates = self._candidates(landmarks)
         stored = self._stored.features
         still_there = is_vehicle(stored.label) & ~np.isin(stored.id, self._removed)
-        chosen = new_features(candidates, self._instances.moving_ids(), stored.position[still_there], self.settings)[
-            :MAX_FEATURES_PER_DIFF
-        ]
+        budget = self.settings.max_diff_bytes - _BYTES_OF_THE_REST - _BYTES_PER_CELL * len(self._ground.cells())
+        chosen = new_features(
+            candidates, self._instances.moving_ids(), stored.position[still_there], self.settings, budget
+        )[:MAX_FEATURES_PER_DIFF]
         rows = landmarks.rows(candidates.landmark_id[chosen])
         described = ~is_vehicle(candidates.label[chosen])
         n = len(chosen)

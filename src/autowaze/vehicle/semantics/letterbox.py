@@ -33,14 +33,7 @@ class Letterbox:
     @classmethod
     def fixed(cls, image_size: tuple[int, int], width: int, height: int) -> Letterbox:
         """Into an input of given size; `image_size` is (height, width)."""
-        scale = min(width / image_size[1], height / image_size[0])
-        return cls(
-            scale,
-            (width - round(image_size[1] * scale)) // 2,
-            (height - round(image_size[0] * scale)) // 2,
-            width,
-            height,
-        )
+        return cls._centred(image_size, min(width / image_size[1], height / image_size[0]), width, height)
 
     @classmethod
     def free(cls, image_size: tuple[int, int], long_side: int) -> Letterbox:
@@ -50,11 +43,17 @@ class Letterbox:
         """
         scale = min(1.0, long_side / max(image_size))
         height, width = (-(-round(side * scale) // STRIDE) * STRIDE for side in image_size)
-        return (
-            cls.fixed(image_size, width, height)
-            if scale < 1.0
-            else cls(1.0, (width - image_size[1]) // 2, (height - image_size[0]) // 2, width, height)
-        )
+        return cls._centred(image_size, scale, width, height)
+
+    @classmethod
+    def scaled(cls, image_size: tuple[int, int], scale: float) -> Letterbox:
+        """Into an input of the scaled image's own size."""
+        return cls._centred(image_size, scale, round(image_size[1] * scale), round(image_size[0] * scale))
+
+    @classmethod
+    def _centred(cls, image_size: tuple[int, int], scale: float, width: int, height: int) -> Letterbox:
+        inner_h, inner_w = (round(side * scale) for side in image_size)
+        return cls(scale, (width - inner_w) // 2, (height - inner_h) // 2, width, height)
 
     def apply(self, image: Image) -> NDArray[np.uint8]:
         """The input as (height, width) or (height, width, 3) uint8."""

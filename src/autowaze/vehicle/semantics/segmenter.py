@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Protocol
 
+from autowaze.vehicle.semantics.mask_rcnn import Detectron2MaskRcnn, TorchvisionMaskRcnn
 from autowaze.vehicle.semantics.model_config import ModelConfig
 from autowaze.vehicle.semantics.network import Network, open_network
+from autowaze.vehicle.semantics.rf_detr_seg import RfDetrSeg
 from autowaze.vehicle.semantics.yolo_seg import YoloSeg
 from autowaze.world.errors import ModelError
 from autowaze.world.frame import Image
@@ -24,7 +26,12 @@ class Segmenter(Protocol):
         """Confident instances of one image, boxes and masks at its full size, most confident first."""
 
 
-_LAYOUTS = {"yolo-seg": YoloSeg}
+_LAYOUTS: dict[str, type[YoloSeg] | type[RfDetrSeg] | type[TorchvisionMaskRcnn]] = {
+    "yolo-seg": YoloSeg,
+    "rf-detr-seg": RfDetrSeg,
+    "detectron2-mask-rcnn": Detectron2MaskRcnn,
+    "torchvision-mask-rcnn": TorchvisionMaskRcnn,
+}
 
 
 def load_segmenter(

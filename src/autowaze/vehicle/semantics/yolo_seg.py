@@ -14,7 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from autowaze.vehicle.semantics.classes import COCO, UNKNOWN_CLASS, kinds, labels_of_classes
+from autowaze.vehicle.semantics.candidates import Candidates
+from autowaze.vehicle.semantics.classes import COCO, UNKNOWN_CLASS, labels_of_classes
 from autowaze.vehicle.semantics.letterbox import Letterbox, paste_in_box
 from autowaze.vehicle.semantics.model_config import ModelConfig
 from autowaze.vehicle.semantics.network import Network
@@ -23,8 +24,6 @@ from autowaze.world.frame import Image
 from autowaze.world.instances import Detections
 
 _MIN_CONFIDENCE = 0.4
-_NMS_IOU = 0.6
-_MAX_INSTANCES = 100
 _LONG_SIDE = 1248  # KITTI's width in whole strides: at this size each car of a dense row gets its own mask
 
 
@@ -60,19 +59,20 @@ class YoloSeg:
         letterbox = self._letterbox(size)
         outputs = self._network.run({self._input: _blob(letterbox.apply(image))})
         prototypes = np.asarray(outputs[self._prototype_output][0], np.float32)
-        boxes, labels, confidence, coefficients = self._decode(outputs[self._detection_output][0], len(prototypes))
-        keep = _suppress_overlaps(boxes, confidence, kinds(labels))
-        boxes = letterbox.boxes_to_image(boxes[keep], size)
-        masks = _masks(boxes, coefficients[keep], prototypes, letterbox, size)
-        return Detections(boxes, labels[keep], confidence[keep], masks)
+        rows = outputs[self._detection_output][0]
+        found = self._decode(rows, len(prototypes)).best()
+        boxes = letterbox.boxes_to_image(found.box, size)
+        coefficients = np.ascontiguousarray(rows[-len(prototypes) :, found.row].T, np.float32)
+        masks = _masks(boxes, coefficients, prototypes, letterbox, size)
+        return Detections(boxes, found.label, found.confidence, masks)
 
     def _letterbox(self, size: tuple[int, int]) -> Letterbox:
         if self._fixed_size is None:
             return Letterbox.free(size, self._long_side)
         return Letterbox.fixed(size, width=self._fixed_size[1], height=self._fixed_size[0])
 
-    def _decode(self, rows: NDArray[Any], n_coefficients: int) -> tuple[NDArray[Any], ...]:
-        """Boxes (left, top, right, bottom, input pixels), labels, confidences, coefficients of confident anchors."""
+    def _decode(self, rows: NDArray[Any], n_coefficients: int) -> Candidates:
+        """The confident anchors; boxes in input pixels, rows are anchors."""
         n_classes = len(rows) - 4 - n_coefficients
         if n_classes < 1 or self._wanted.max(initial=-1) >= n_classes:
             raise ModelError(
@@ -84,12 +84,12 @@ class YoloSeg:
         confidence = np.take_along_axis(scores, best[None], axis=0)[0]
         anchors = np.flatnonzero(confidence >= self._min_confidence)
         centre, half = rows[:2, anchors].T, rows[2:4, anchors].T / 2
-        return (
+        return Candidates(
             np.concatenate([centre - half, centre + half], axis=1).astype(np.float32),
             self._label_of_class[self._wanted[best[anchors]]],
             confidence[anchors].astype(np.float32),
-            np.ascontiguousarray(rows[-n_coefficients:, anchors].T, np.float32),
-        )
+            anchors,
+        ).confident(self._min_confidence)
 
     def _names_in_metadata(self) -> dict[int, str]:
         text = self._network.metadata.get("names")
@@ -108,18 +108,6 @@ def _blob(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     return np.ascontiguousarray(cv2.dnn.blobFromImage(image, 1.0 / 255.0, swapRB=True), np.float32)
 
 
-def _suppress_overlaps(
-    boxes: NDArray[np.float32], confidence: NDArray[np.float32], kind: NDArray[np.uint8]
-) -> NDArray[np.int64]:
-    """Rows that survive non-maximum suppression within their kind, most confident first."""
-    if not len(boxes):
-        return np.zeros(0, np.int64)
-    size = np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], axis=1)
-    survivors = cv2.dnn.NMSBoxesBatched(size.tolist(), confidence.tolist(), kind.tolist(), 0.0, _NMS_IOU)
-    kept = np.sort(np.asarray(survivors, np.int64).ravel())
-    return np.asarray(kept[np.argsort(-confidence[kept], kind="stable")][:_MAX_INSTANCES])
-
-
 def _masks(
     boxes: NDArray[np.float32],
     coefficients: NDArray[np.float32],
@@ -131,18 +119,12 @@ def _masks(
     masks = np.zeros((len(boxes), *size), np.bool_)
     ratio = prototypes.shape[2] / letterbox.width
     per_pixel = letterbox.scale * ratio
+    padding = np.array([letterbox.left, letterbox.top]) * ratio
     for mask, box, weights in zip(masks, boxes, coefficients, strict=True):
         # Only the prototypes under the box, with a margin for the interpolation.
-        x0, y0 = (
-            max(int(v * per_pixel + pad * ratio) - 1, 0)
-            for v, pad in zip(box[:2], (letterbox.left, letterbox.top), strict=True)
-        )
-        x1, y1 = (
-            int(v * per_pixel + pad * ratio) + 3
-            for v, pad in zip(box[2:], (letterbox.left, letterbox.top), strict=True)
-        )
-        part = prototypes[:, y0:y1, x0:x1]
-        logits = np.tensordot(weights, part, axes=1)
-        offset = (letterbox.left * ratio - x0, letterbox.top * ratio - y0)
+        x0, y0 = np.maximum((box[:2] * per_pixel + padding).astype(int) - 1, 0)
+        x1, y1 = (box[2:] * per_pixel + padding).astype(int) + 3
+        logits = np.tensordot(weights, prototypes[:, y0:y1, x0:x1], axes=1)
+        offset = (float(padding[0] - x0), float(padding[1] - y0))
         paste_in_box(mask, box, logits, (per_pixel, per_pixel), offset, threshold=0.0)
     return masks

@@ -1,0 +1,60 @@
+"""What is news to the map."""
+
+import numpy as np
+
+from autowaze.vehicle.diffing.novelty import Candidates, new_features
+from autowaze.vehicle.diffing.settings import DiffSettings
+from autowaze.world.labels import ClassLabel
+
+SETTINGS = DiffSettings()
+NOBODY = np.zeros(0, np.int64)
+NOTHING = np.zeros((0, 3))
+
+
+def candidates(n: int, label: ClassLabel, instance: int = 0, found: int = 10, sigma: float = 0.1) -> Candidates:
+    rng = np.random.default_rng(n)
+    return Candidates(
+        landmark_id=np.arange(n),
+        position=rng.uniform(-2, 2, (n, 3)),
+        label=np.full(n, label, np.uint8),
+        instance=np.full(n, instance),
+        found=np.full(n, found),
+        depth_sigma_m=np.full(n, sigma),
+    )
+
+
+def test_steady_features_are_new() -> None:
+    assert len(new_features(candidates(50, ClassLabel.BACKGROUND), NOBODY, NOTHING, SETTINGS, 50_000)) == 50
+
+
+def test_flickers_and_far_features_wait() -> None:
+    once, far = candidates(9, ClassLabel.BACKGROUND, found=1), candidates(9, ClassLabel.BACKGROUND, sigma=2.0)
+    assert len(new_features(once, NOBODY, NOTHING, SETTINGS, 50_000)) == 0
+    assert len(new_features(far, NOBODY, NOTHING, SETTINGS, 50_000)) == 0
+
+
+def test_cars_are_passed_in_few_frames() -> None:
+    assert len(new_features(candidates(9, ClassLabel.CAR, 3, found=2), NOBODY, NOTHING, SETTINGS, 50_000)) == 9
+
+
+def test_moving_cars_and_people_are_no_map() -> None:
+    car, person = candidates(9, ClassLabel.CAR, 3), candidates(9, ClassLabel.PERSON, 4)
+    assert len(new_features(car, np.array([3]), NOTHING, SETTINGS, 50_000)) == 0
+    assert len(new_features(person, NOBODY, NOTHING, SETTINGS, 50_000)) == 0
+
+
+def test_a_car_that_the_map_holds_is_no_news() -> None:
+    car = candidates(40, ClassLabel.CAR, 3)
+    stored = car.position + 0.05
+    assert len(new_features(car, NOBODY, stored, SETTINGS, 50_000)) == 0
+    assert len(new_features(car, NOBODY, stored + np.array([0, 8, 0]), SETTINGS, 50_000)) == 40
+
+
+def test_a_tight_budget_keeps_the_best_seen_spread_in_space() -> None:
+    crowd, lone = candidates(500, ClassLabel.BACKGROUND), candidates(1, ClassLabel.BACKGROUND, found=4)
+    crowd.position *= 0.05
+    lone.position += 30
+    both = Candidates(*(np.concatenate(pair) for pair in zip(vars(crowd).values(), vars(lone).values(), strict=True)))
+    chosen = new_features(both, NOBODY, NOTHING, SETTINGS, byte_budget=43 * 20)
+    assert len(chosen) == 20
+    assert 500 in chosen  # the only one of its place, though seen less often

@@ -41,7 +41,11 @@ class Letterbox:
 
         The longer side becomes `long_side` pixels where the image is larger than that; images are never enlarged.
         """
-        scale = min(1.0, long_side / max(image_size))
+        return cls.strided(image_size, min(1.0, long_side / max(image_size)))
+
+    @classmethod
+    def strided(cls, image_size: tuple[int, int], scale: float) -> Letterbox:
+        """Into the smallest input of whole strides that holds the scaled image."""
         height, width = (-(-round(side * scale) // STRIDE) * STRIDE for side in image_size)
         return cls._centred(image_size, scale, width, height)
 

@@ -8,6 +8,9 @@ COCO category ids; masks [N, 1, H, W] are probabilities over the whole input.
 
 detectron2 (tools/deploy/export_model.py, tracing): input [3, H, W], BGR in 0..255, resized by the caller; classes are
 the 80 of COCO counted from 0; masks [N, 1, 28, 28] are probabilities over each box; the image size comes as a fifth.
+
+ONNX model zoo (from maskrcnn-benchmark): as detectron2's, but BGR less its mean, sides in whole strides of at most
+1280 x 960, to which its boxes are clipped, and classes counted from 1. Nothing in the file tells it from detectron2's.
 """
 
 from __future__ import annotations
@@ -29,6 +32,8 @@ from autowaze.world.instances import Detections
 
 _MIN_CONFIDENCE = 0.5
 _ROI_MASK_PX = 64  # masks over a box are 28 or 14 pixels wide; anything larger lies over the image
+_ZOO_WIDTH, _ZOO_HEIGHT = 1280, 960
+_ZOO_MEAN_BGR = np.array([102.9801, 115.9465, 122.7717], np.float32)
 _SHORT_SIDE, _LONG_SIDE = 800, 1333  # detectron2's INPUT.MIN_SIZE_TEST and MAX_SIZE_TEST
 
 
@@ -114,6 +119,23 @@ class Detectron2MaskRcnn(TorchvisionMaskRcnn):
 
     def _tensor(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
         return _planes(image, swap=False)
+
+
+class OnnxZooMaskRcnn(TorchvisionMaskRcnn):
+    """The Mask R-CNN of the ONNX model zoo; its layout must be stated."""
+
+    _classes = ("background", *COCO)
+
+    @classmethod
+    def recognises(cls, network: Network) -> bool:
+        """Never: the outputs are those of detectron2's export."""
+        return False
+
+    def _letterbox(self, size: tuple[int, int]) -> Letterbox:
+        return Letterbox.strided(size, min(_SHORT_SIDE / min(size), _ZOO_HEIGHT / size[0], _ZOO_WIDTH / size[1]))
+
+    def _tensor(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
+        return _planes(image, swap=False) - _ZOO_MEAN_BGR[:, None, None]
 
 
 def _looks_like_mask_rcnn(network: Network) -> bool:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Protocol
 
-from autowaze.vehicle.semantics.mask_rcnn import Detectron2MaskRcnn, TorchvisionMaskRcnn
+from autowaze.vehicle.semantics.mask_rcnn import Detectron2MaskRcnn, OnnxZooMaskRcnn, TorchvisionMaskRcnn
 from autowaze.vehicle.semantics.model_config import ModelConfig
+from autowaze.vehicle.semantics.model_store import ModelStore
 from autowaze.vehicle.semantics.network import Network, open_network
 from autowaze.vehicle.semantics.rf_detr_seg import RfDetrSeg
 from autowaze.vehicle.semantics.yolo_seg import YoloSeg
@@ -31,6 +32,7 @@ _LAYOUTS: dict[str, type[YoloSeg] | type[RfDetrSeg] | type[TorchvisionMaskRcnn]]
     "rf-detr-seg": RfDetrSeg,
     "detectron2-mask-rcnn": Detectron2MaskRcnn,
     "torchvision-mask-rcnn": TorchvisionMaskRcnn,
+    "onnx-zoo-mask-rcnn": OnnxZooMaskRcnn,
 }
 
 
@@ -50,6 +52,8 @@ def load_segmenter(
         DependencyError: the model needs a package that is not installed.
     """
     path = Path(model)
+    if path.name == str(model) and not path.suffix and not path.exists():
+        path = ModelStore().path(path.name)
     network = open_network(path, threads)
     stated = {"min_confidence": min_confidence, "long_side": long_side}
     config = ModelConfig.beside(path).model_copy(update={k: v for k, v in stated.items() if v is not None})

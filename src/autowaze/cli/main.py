@@ -6,6 +6,7 @@ import sys
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from autowaze import __version__
 from autowaze.cli import evaluate
@@ -38,5 +39,5 @@ def run() -> None:
     try:
         app()
     except AutowazeError as error:
-        Console(stderr=True, highlight=False, soft_wrap=True).print(f"[bold red]error:[/] {error}", markup=True)
+        Console(stderr=True, highlight=False, soft_wrap=True).print("[bold red]error:[/]", escape(str(error)))
         sys.exit(2)

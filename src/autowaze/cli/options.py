@@ -17,7 +17,7 @@ from autowaze.world.errors import AutowazeError
 from autowaze.world.frame import StereoFrame
 from autowaze.world.parking import ParkingMap
 
-console = Console(highlight=False, soft_wrap=True)
+console = Console(highlight=False, width=None if Console().is_terminal else 160)
 
 TracePath = Annotated[Path, typer.Argument(help="Folder of a stereo drive.", show_default=False)]
 Cameras = Annotated[str, typer.Option(help="Pair of a rig with two: grey, colour or auto.")]
@@ -27,6 +27,8 @@ Model = Annotated[
     typer.Option(help="Segmentation model: an .onnx or OpenVINO .xml file.", envvar="AUTOWAZE_MODEL"),
 ]
 Spots = Annotated[Path | None, typer.Option(help="Parking map, GeoJSON.")]
+_MAX_COLUMNS = 3
+
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Also write the figures to this file.")]
 
 
@@ -68,18 +70,22 @@ def show_progress(frames: Iterable[StereoFrame], total: int) -> Iterable[StereoF
 
 
 def print_metrics(title: str, results: dict[str, dict[str, Any]]) -> None:
-    """Metrics as a table, one column per trace or method."""
-    table = Table(title=title, title_justify="left")
-    table.add_column("metric")
-    for name in results:
-        table.add_column(name, justify="right")
+    """Metrics as a table: a row per metric, or a row per result where there are many results of few metrics."""
     names = list(dict.fromkeys(metric for metrics in results.values() for metric in metrics))
-    for metric in names:
-        table.add_row(metric, *(_formatted(metrics.get(metric)) for metrics in results.values()))
+    by_result = len(results) > _MAX_COLUMNS
+    table = Table("" if by_result else "metric", title=title, title_justify="left")
+    for heading in names if by_result else results:
+        table.add_column(heading.replace("_", "\n") if by_result else heading, justify="right")
+    if by_result:
+        for name, metrics in results.items():
+            table.add_row(name, *(_formatted(metrics.get(metric)) for metric in names))
+    else:
+        for metric in names:
+            table.add_row(metric, *(_formatted(metrics.get(metric)) for metrics in results.values()))
     console.print(table)
 
 
 def _formatted(value: float | None) -> str:
     if value is None:
         return ""
-    return f"{value:.0f}" if float(value).is_integer() and abs(value) >= 2 else f"{value:.3f}"
+    return f"{value:.0f}" if float(value).is_integer() and (abs(value) >= 2 or value == 0) else f"{value:.3f}"

@@ -29,7 +29,7 @@ class Confusion:
         false_vacant: occupied spots called vacant.
         false_occupied: vacant spots called occupied.
         unknown_vacant, unknown_occupied: spots without an answer, by what they are.
-        blind_vacant: spots that could not be seen and were called vacant all the same; must be none.
+        unobservable_vacant: spots that count as not observable and were called vacant all the same.
     """
 
     true_vacant: int = 0
@@ -38,7 +38,7 @@ class Confusion:
     false_occupied: int = 0
     unknown_vacant: int = 0
     unknown_occupied: int = 0
-    blind_vacant: int = 0
+    unobservable_vacant: int = 0
 
     def __add__(self, other: Confusion) -> Confusion:
         mine, theirs = vars(self), vars(other)
@@ -47,7 +47,7 @@ class Confusion:
     @property
     def total(self) -> int:
         """Observable spots."""
-        return int(sum(vars(self).values())) - self.blind_vacant
+        return int(sum(vars(self).values())) - self.unobservable_vacant
 
     @property
     def precision(self) -> float:
@@ -104,7 +104,7 @@ def confusion(states: Iterable[SpotState], truth: Iterable[SpotTruth]) -> Confus
 
 def _one(answer: Occupancy, spot: SpotTruth) -> Confusion:
     if not spot.observable:
-        return Confusion(blind_vacant=int(answer is Occupancy.VACANT))
+        return Confusion(unobservable_vacant=int(answer is Occupancy.VACANT))
     if answer is Occupancy.UNKNOWN:
         return Confusion(unknown_occupied=1) if spot.occupied else Confusion(unknown_vacant=1)
     if answer is Occupancy.VACANT:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import secrets
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from autowaze.vehicle.slam.slam import StereoSlam
 from autowaze.vehicle.vision.extractor import FeatureExtractor
 from autowaze.world.camera import StereoCamera
 from autowaze.world.feature_map import FeatureMap
+from autowaze.world.features import CameraFeatures
 from autowaze.world.frame import StereoFrame
 from autowaze.world.georeference import Georeference
 from autowaze.world.identity import SESSION_BITS
@@ -57,6 +59,13 @@ class StartingPoint:
     T_map_cam: Pose | None = field(default=None)
 
 
+class Extractor(Protocol):
+    """What turns a stereo frame into camera features."""
+
+    def extract(self, frame: StereoFrame) -> CameraFeatures:
+        """Features of the frame, not yet labelled."""
+
+
 class VehicleNode:
     """One car: feed it frames, send the diffs that it returns."""
 
@@ -68,6 +77,7 @@ class VehicleNode:
         stored_map: FeatureMap | None = None,
         start: StartingPoint | None = None,
         session: int | None = None,
+        extractor: Extractor | None = None,
     ) -> None:
         self.camera = camera
         self.settings = settings or NodeSettings()
@@ -76,7 +86,7 @@ class VehicleNode:
         self.times = StageTimes()
         self.observation: FrameObservation | None = None
         self._start = start or StartingPoint()
-        self._extractor = FeatureExtractor(camera)
+        self._extractor = extractor or FeatureExtractor(camera)
         self._perception = SemanticPerception(segmenter, self.settings.segment_every, camera)
         self._motion = MotionClassifier(camera)
         self._ground = GroundObserver(camera)

@@ -83,15 +83,35 @@ class LocalMapper:
         """Wait for the adjustment under way and apply it."""
         return self.adopt(self._pending.due) if self._pending else None
 
+    def move(self, motion: Pose) -> None:
+        """Move the latest keyframes and the landmarks that they made (4, 4, map to map), as when drift is mended."""
+        self.finish()
+        recent = self.keyframes[-(self.settings.n_adjusted + self.settings.n_fixed) :]
+        for keyframe in recent:
+            keyframe.T_map_cam = motion @ keyframe.T_map_cam
+        rows = self._rows_seen_by(recent)
+        rows = rows[~self.landmarks.is_stored[rows]]
+        self.landmarks.position[rows] = self.landmarks.position[rows] @ motion[:3, :3].T + motion[:3, 3]
+
+    def forget(self) -> None:
+        """Start anew: later keyframes share nothing with those before."""
+        self.finish()
+        self.keyframes.clear()
+
+    def _rows_seen_by(self, keyframes: list[Keyframe]) -> NDArray[np.int64]:
+        if not keyframes:
+            return np.zeros(0, np.int64)
+        rows = self.landmarks.rows(np.unique(np.concatenate([k.observed_ids for k in keyframes])))
+        return rows[rows >= 0]
+
     def refresh_local(self, T_map_cam: Pose) -> None:
         """Choose the landmarks to look for: those of the latest keyframes and those of the stored map nearby."""
         recent = self.keyframes[-(self.settings.n_adjusted + self.settings.n_fixed) :]
-        ids = np.unique(np.concatenate([k.observed_ids for k in recent])) if recent else np.zeros(0, np.int64)
-        rows = self.landmarks.rows(ids)
+        rows = self._rows_seen_by(recent)
         offset = self.landmarks.position[:, :2] - T_map_cam[:2, 3]
         near = np.einsum("ij,ij->i", offset, offset) < self.settings.local_radius_m**2
         stored = np.flatnonzero(self.landmarks.is_stored & near)
-        self.local_rows = np.union1d(rows[rows >= 0], stored)
+        self.local_rows = np.union1d(rows, stored)
 
     def _observe_again(self, frame: ObservedFrame, T_map_cam: Pose, landmark_id: NDArray[np.int64]) -> None:
         """Take over descriptor and viewing direction of the landmarks that a keyframe sees."""

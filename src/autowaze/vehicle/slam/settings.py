@@ -23,7 +23,13 @@ class SlamSettings:
         min_stored_inliers: features of the stored map that make a pose a localisation.
         min_static_inliers: from so many on, things that may drive away do not steer the pose at all.
         movable_weight: how much they count until then, and in bundle adjustment.
-        max_depth_baselines: landmarks are made up to this many baselines away.
+        own_weight: how much landmarks of this drive count where enough of the stored map is seen.
+        min_relocalized_inliers: features that make certain of a place found by appearance (ORB-SLAM2: 50).
+        restart_after: frames with enough features but no known place, after which odometry starts afresh.
+        own_weight: float = 0.25
+    min_relocalized_inliers: int = 50
+    restart_after: int = 10
+    max_depth_baselines: landmarks are made up to this many baselines away.
         min_keyframe_gap: frames between keyframes at least; the bundle adjustment of a keyframe is applied this many
             frames later, whenever it ended.
         keyframe_ratio: tracked landmarks below this share of the last keyframe's make a new one.
@@ -34,8 +40,8 @@ class SlamSettings:
 
     n_levels: int = 8
     scale_factor: float = 1.2
-    corner_sigma_px: float = 0.65
-    disparity_sigma_px: float = 0.35
+    corner_sigma_px: float = 0.5
+    disparity_sigma_px: float = 0.4
     max_hamming: int = 80
     ratio: float = 0.85
     min_start_features: int = 200
@@ -43,7 +49,10 @@ class SlamSettings:
     min_stored_inliers: int = 30
     min_static_inliers: int = 60
     movable_weight: float = 0.1
-    max_depth_baselines: float = 80.0
+    own_weight: float = 0.25
+    min_relocalized_inliers: int = 50
+    restart_after: int = 10
+    max_depth_baselines: float = 720.0
     min_keyframe_gap: int = 1
     keyframe_ratio: float = 0.8
     keyframe_distance_m: float = 2.0

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from autowaze.vehicle.slam.landmarks import Landmarks
+from autowaze.vehicle.slam.landmarks import NO_LANDMARK, Landmarks
 from autowaze.vehicle.slam.local_mapper import LocalMapper
 from autowaze.vehicle.slam.observed_frame import ObservedFrame
 from autowaze.vehicle.slam.pose_optimization import PoseEstimate
+from autowaze.vehicle.slam.relocalizer import Relocalizer
 from autowaze.vehicle.slam.settings import SlamSettings
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
 from autowaze.vehicle.slam.tracker import Located, Tracker
@@ -17,9 +20,28 @@ from autowaze.world.feature_map import FeatureMap
 from autowaze.world.features import CameraFeatures
 from autowaze.world.pose import Pose, heading_to_rotation, inverse, make_pose, so3_log
 
+_SMALL_MAP_FEATURES = 60_000  # so many can all be compared with a frame's features in half a second
+_START_SIGMA_M = 5.0  # of a given start pose, as a satellite receiver has it
+_RETRY_FRAMES = 5  # between attempts to find the stored map again while odometry holds
+_UNKNOWN = np.diag([1e6, 1e6, 1e6, 10.0, 10.0, 10.0])
+_MAX_BLIND_FRAMES = 10  # a motion is carried on so long without sight
+
 
 class StereoSlam:
-    """Localises a stereo camera in a stored map, by visual odometry where there is none."""
+    """Localises a stereo camera in a stored map, by visual odometry where there is none.
+
+    Args:
+        camera: calibration of the rectified pair.
+        settings: see `SlamSettings`.
+        stored_map: the map to localise in; its features stay where they are.
+        T_map_start: (4, 4) pose of the first frame, where it is known. Without one and without a stored map the drive
+            begins at the origin, level and heading north.
+        position_prior: map position (3,) and standard deviation in metres of the first frame; None searches the whole
+            map, if it is small.
+
+    Attributes:
+        landmarks: all features held on to, see `Landmarks`.
+    """
 
     def __init__(
         self,
@@ -32,15 +54,25 @@ class StereoSlam:
         self.camera = camera
         self.settings = settings
         self.landmarks = Landmarks()
+        self._has_map = stored_map is not None and len(stored_map) > 0
         if stored_map is not None:
             self.landmarks.add_stored(stored_map.features)
-        self.T_start = make_pose(heading_to_rotation(0.0), np.zeros(3)) if T_map_start is None else T_map_start
-        self.mapper = LocalMapper(camera, settings, self.landmarks)
-        self.tracker = Tracker(camera, settings, self.landmarks)
+        self._T_start = T_map_start
+        self._prior = position_prior
+        if position_prior is None and T_map_start is not None:
+            self._prior = (T_map_start[:3, 3], _START_SIGMA_M)
+        self._mapper = LocalMapper(camera, settings, self.landmarks)
+        self._tracker = Tracker(camera, settings, self.landmarks)
+        self._relocalizer = Relocalizer(camera, settings, self.landmarks, self._tracker)
+        self._level_scale = settings.level_scale
         self._last: Located | None = None
         self._velocity: Pose = np.eye(4)
+        self._covariance_floor = np.zeros((6, 6))
         self._reference_inliers = 0
         self._count = 0
+        self._blind_frames = 0
+        self._seeing_but_lost = 0
+        self._unlocalized_frames = 0
 
     def track(
         self,
@@ -50,63 +82,224 @@ class StereoSlam:
         gnss_position: NDArray[np.float64] | None = None,
         moving: NDArray[np.bool_] | None = None,
     ) -> TrackedFrame:
-        """Pose of the next frame."""
-        s = self.settings
-        frame = ObservedFrame(features, self.camera, s.level_scale, (s.corner_sigma_px, s.disparity_sigma_px), moving)
+        """Pose of the next frame.
+
+        Args:
+            features: of the frame, with labels and instances where they are known.
+            timestamp: seconds since the epoch. index: number of the frame.
+            gnss_position: (3,) map position of a satellite fix, good to a few metres; helps to find a lost place.
+            moving: (N,) features on things known to move; they neither steer the pose nor become landmarks.
+        """
+        frame = self._observe(features, moving)
         self._count += 1
+        self._apply_adjustment()
         if self._last is None:
-            return self._begin(frame, timestamp, index)
-        moved = self.mapper.adopt(self._count)
-        if moved is not None:
-            e = self._last.estimate
-            object.__setattr__(e, "T_map_cam", moved @ e.T_map_cam)
-        last = self._last
-        T_predicted = last.T_map_cam @ self._velocity
-        T = self.tracker.from_last(frame, last, T_predicted)
-        if T is None:
-            print(index, "motion failed")
-            T = T_predicted
-        located = self.tracker.in_map(frame, T, self.mapper.local_rows)
-        self._velocity = inverse(last.T_map_cam) @ located.T_map_cam
-        self.count_seen(located, timestamp)
-        ids = located.landmark_id
-        visible = self.landmarks.id[located.visible_row]
-        if self._wants_keyframe(located):
-            ids = self.mapper.insert(frame, located.T_map_cam, ids, self._count, timestamp)
-            self._reference_inliers = int((ids >= 0).sum())
-            located = Located(frame, located.estimate, ids, located.visible_row, located.n_inliers, located.n_stored_inliers)
-        self._last = located
-        return TrackedFrame(index, timestamp, TrackingState.ODOMETRY, "", located.T_map_cam, located.estimate.covariance,
-            located.n_inliers, located.n_stored_inliers, ids, visible)
-
-    def count_seen(self, located: Located, timestamp: float) -> None:
-        self.landmarks.n_visible[located.visible_row] += 1
-        rows = self.landmarks.rows(located.landmark_id)
-        f = rows >= 0
-        r = rows[f]
-        self.landmarks.n_found[r] += 1
-        self.landmarks.last_seen[r] = timestamp
-        self.landmarks.label[r] = located.frame.features.label[f]
-        self.landmarks.instance[r] = located.frame.features.instance_id[f]
-
-    def _wants_keyframe(self, located: Located) -> bool:
-        if self.mapper.is_adjusting: return False
-        kf = self.mapper.keyframes[-1]
-        if self._count - kf.index < self.settings.min_keyframe_gap: return False
-        d = inverse(kf.T_map_cam) @ located.T_map_cam
-        return bool(located.n_inliers < self.settings.keyframe_ratio * self._reference_inliers
-           or np.linalg.norm(d[:3, 3]) > self.settings.keyframe_distance_m
-           or np.linalg.norm(so3_log(d[:3, :3])) > self.settings.keyframe_angle_rad)
-
-    def _begin(self, frame, timestamp, index) -> TrackedFrame:
-        ids = np.full(len(frame), -1, np.int64)
-        ids = self.mapper.insert(frame, self.T_start, ids, self._count, timestamp)
-        est = PoseEstimate(self.T_start, np.zeros((6, 6)), np.zeros(0, bool), np.zeros(0))
-        self._last = Located(frame, est, ids, np.zeros(0, np.int64), int((ids >= 0).sum()), 0)
-        self._reference_inliers = int((ids >= 0).sum())
-        return TrackedFrame(index, timestamp, TrackingState.ODOMETRY, "", self.T_start, np.zeros((6, 6)), self._reference_inliers, 0, ids,
-           np.zeros(0, np.int64))
+            return self._begin(frame, timestamp, index, gnss_position)
+        located, reason = self._follow(frame), ""
+        if located is None:
+            located, reason = self._find_again(frame, gnss_position)
+        if located is None:
+            return self._lost(frame, timestamp, index, reason)
+        return self._found(located, timestamp, index, reason)
 
     def finish(self) -> None:
         """Wait for the bundle adjustment under way and apply it."""
-        self.mapper.finish()
+        self._mapper.finish()
+
+    def _observe(self, features: CameraFeatures, moving: NDArray[np.bool_] | None) -> ObservedFrame:
+        sigma_px = (self.settings.corner_sigma_px, self.settings.disparity_sigma_px)
+        return ObservedFrame(features, self.camera, self._level_scale, sigma_px, moving)
+
+    def _apply_adjustment(self) -> None:
+        moved = self._mapper.adopt(self._count)
+        if moved is not None and self._last is not None:
+            self._last = _moved(self._last, moved)
+
+    def _begin(
+        self, frame: ObservedFrame, timestamp: float, index: int, gnss_position: NDArray[np.float64] | None
+    ) -> TrackedFrame:
+        """First frames: found in the stored map, or made the first keyframe."""
+        if self._has_map:
+            located = self._relocalizer.locate(frame, self._stored_rows(self._prior or _as_prior(gnss_position)))
+            if located is not None:
+                return self._found(located, timestamp, index, "")
+        n_stereo = int(np.count_nonzero(frame.features.has_depth & ~frame.moving))
+        if n_stereo < self.settings.min_start_features:
+            return self._nowhere(frame, timestamp, index, f"only {n_stereo} stereo features to start from")
+        if not self._has_map:
+            T = make_pose(heading_to_rotation(0.0), np.zeros(3)) if self._T_start is None else self._T_start
+            return self._found(_placed(frame, T, np.zeros((6, 6))), timestamp, index, "")
+        self._seeing_but_lost += 1
+        if self._T_start is None or self._seeing_but_lost < self.settings.restart_after:
+            return self._nowhere(frame, timestamp, index, "not found in the stored map yet")
+        covariance = np.diag([_START_SIGMA_M**2] * 3 + [0.1] * 3)
+        self._covariance_floor = covariance
+        reason = "not found in the stored map; odometry from the given start"
+        return self._found(_placed(frame, self._T_start, covariance), timestamp, index, reason)
+
+    def _follow(self, frame: ObservedFrame) -> Located | None:
+        """Pose by prediction from the last frame, or None."""
+        last = self._last
+        if last is None or self._blind_frames:
+            return None
+        T_predicted = last.T_map_cam @ self._velocity
+        T = self._tracker.from_last(frame, last, T_predicted)
+        located = self._tracker.in_map(frame, T_predicted if T is None else T, self._mapper.local_rows)
+        return located if located.n_steering >= self.settings.min_inliers else None
+
+    def _find_again(
+        self, frame: ObservedFrame, gnss_position: NDArray[np.float64] | None
+    ) -> tuple[Located | None, str]:
+        """After a loss: the same place by appearance, or a fresh start of odometry when none is known."""
+        assert self._last is not None
+        n_stereo = int(np.count_nonzero(frame.features.has_depth & ~frame.moving))
+        if n_stereo < self.settings.min_start_features:
+            return None, f"only {n_stereo} stereo features in view"
+        sigma = 1.0 + self._blind_frames * max(float(np.linalg.norm(self._velocity[:3, 3])), 0.5) / 3.0
+        prior = _as_prior(gnss_position) or (self._last.T_map_cam[:3, 3], sigma)
+        located = self._relocalizer.locate(frame, self._rows_near(prior))
+        if located is not None:
+            return located, "found again"
+        self._seeing_but_lost += 1
+        if self._seeing_but_lost < self.settings.restart_after:
+            return None, "the view matches no known place"
+        self._mapper.forget()
+        blind_m = self._blind_frames * max(float(np.linalg.norm(self._velocity[:3, 3])), 1.0)
+        self._covariance_floor = self._covariance_floor + np.diag([(0.3 * blind_m) ** 2] * 3 + [0.1] * 3)
+        return _placed(frame, self._last.T_map_cam, self._covariance_floor), "odometry started afresh after a loss"
+
+    def _found(self, located: Located, timestamp: float, index: int, reason: str) -> TrackedFrame:
+        if self._last is not None and not self._blind_frames:
+            self._velocity = inverse(self._last.T_map_cam) @ located.T_map_cam
+        self._blind_frames = self._seeing_but_lost = 0
+        located = self._look_for_stored_map(located)
+        self._count_sightings(located, timestamp)
+        visible_id = self.landmarks.id[located.visible_row]
+        if self._wants_keyframe(located):
+            ids = self._mapper.insert(located.frame, located.T_map_cam, located.landmark_id, self._count, timestamp)
+            self._reference_inliers = int(np.count_nonzero(ids >= 0))
+            located = replace(located, landmark_id=ids)
+        self._last = located
+        state, why = self._judge(located)
+        return TrackedFrame(
+            index=index,
+            timestamp=timestamp,
+            state=state,
+            reason=reason or why,
+            T_map_cam=located.T_map_cam.copy(),
+            covariance=located.estimate.covariance + self._covariance_floor,
+            n_inliers=located.n_inliers,
+            n_stored_inliers=located.n_stored_inliers,
+            landmark_id=located.landmark_id,
+            visible_id=visible_id,
+        )
+
+    def _judge(self, located: Located) -> tuple[TrackingState, str]:
+        if not self._has_map:
+            return TrackingState.ODOMETRY, ""
+        if located.n_stored_inliers >= self.settings.min_stored_inliers:
+            return TrackingState.LOCALIZED, ""
+        return TrackingState.ODOMETRY, f"only {located.n_stored_inliers} features of the stored map in view"
+
+    def _look_for_stored_map(self, located: Located) -> Located:
+        """While odometry bridges a gap of the stored map: find the map again and mend the drift."""
+        if not self._has_map:
+            return located
+        if located.n_stored_inliers >= self.settings.min_stored_inliers:
+            self._unlocalized_frames = 0
+            self._covariance_floor = np.zeros((6, 6))
+            return located
+        self._unlocalized_frames += 1
+        if self._unlocalized_frames % _RETRY_FRAMES:
+            return located
+        sigma = 1.0 + float(np.sqrt(np.max(np.diag(self._covariance_floor)[:3])))
+        again = self._relocalizer.locate(located.frame, self._stored_rows((located.T_map_cam[:3, 3], sigma)))
+        if again is None or again.n_stored_inliers < self.settings.min_stored_inliers:
+            return located
+        self._mapper.move(again.T_map_cam @ inverse(located.T_map_cam))
+        self._unlocalized_frames = 0
+        self._covariance_floor = np.zeros((6, 6))
+        return again
+
+    def _lost(self, frame: ObservedFrame, timestamp: float, index: int, reason: str) -> TrackedFrame:
+        """The pose carries on with the last motion for a while, and says that it is not to be trusted."""
+        assert self._last is not None
+        self._blind_frames += 1
+        if self._blind_frames <= _MAX_BLIND_FRAMES:
+            self._last = _moved(self._last, self._last.T_map_cam @ self._velocity @ inverse(self._last.T_map_cam))
+        blind_m = self._blind_frames * max(float(np.linalg.norm(self._velocity[:3, 3])), 1.0)
+        covariance = self._last.estimate.covariance + np.diag([blind_m**2] * 3 + [0.1] * 3)
+        return self._without_pose(frame, timestamp, index, TrackingState.LOST, reason, self._last.T_map_cam, covariance)
+
+    def _nowhere(self, frame: ObservedFrame, timestamp: float, index: int, reason: str) -> TrackedFrame:
+        T = np.eye(4) if self._T_start is None else self._T_start
+        return self._without_pose(frame, timestamp, index, TrackingState.INITIALIZING, reason, T, _UNKNOWN)
+
+    def _without_pose(
+        self,
+        frame: ObservedFrame,
+        timestamp: float,
+        index: int,
+        state: TrackingState,
+        reason: str,
+        T_map_cam: Pose,
+        covariance: NDArray[np.float64],
+    ) -> TrackedFrame:
+        none = np.full(len(frame), NO_LANDMARK, np.int64)
+        return TrackedFrame(
+            index, timestamp, state, reason, T_map_cam.copy(), covariance.copy(), 0, 0, none, np.zeros(0, np.int64)
+        )
+
+    def _count_sightings(self, located: Located, timestamp: float) -> None:
+        store, features = self.landmarks, located.frame.features
+        store.n_visible[located.visible_row] += 1
+        seen = np.flatnonzero(located.landmark_id >= 0)
+        rows = store.rows(located.landmark_id[seen])
+        store.n_found[rows] += 1
+        store.last_seen[rows] = timestamp
+        own = ~store.is_stored[rows]
+        store.label[rows[own]] = features.label[seen[own]]
+        store.instance[rows] = features.instance_id[seen]
+
+    def _wants_keyframe(self, located: Located) -> bool:
+        if not self._mapper.keyframes:
+            return True
+        newest = self._mapper.keyframes[-1]
+        if self._mapper.is_adjusting or self._count - newest.index < self.settings.min_keyframe_gap:
+            return False
+        moved = inverse(newest.T_map_cam) @ located.T_map_cam
+        return bool(
+            located.n_inliers < self.settings.keyframe_ratio * self._reference_inliers
+            or np.linalg.norm(moved[:3, 3]) > self.settings.keyframe_distance_m
+            or np.linalg.norm(so3_log(moved[:3, :3])) > self.settings.keyframe_angle_rad
+        )
+
+    def _stored_rows(self, prior: tuple[NDArray[np.float64], float] | None) -> NDArray[np.int64]:
+        """Rows of the stored map to search: near the prior, or all of a small map."""
+        if prior is not None:
+            rows = self._rows_near(prior)
+            return rows[self.landmarks.is_stored[rows]]
+        stored = np.flatnonzero(self.landmarks.is_stored)
+        return stored if len(stored) <= _SMALL_MAP_FEATURES else np.zeros(0, np.int64)
+
+    def _rows_near(self, prior: tuple[NDArray[np.float64], float]) -> NDArray[np.int64]:
+        position, sigma_m = prior
+        offset = self.landmarks.position[:, :2] - position[:2]
+        radius = self.settings.local_radius_m + 3.0 * sigma_m
+        return np.flatnonzero(np.einsum("ij,ij->i", offset, offset) < radius**2)
+
+
+def _as_prior(gnss_position: NDArray[np.float64] | None) -> tuple[NDArray[np.float64], float] | None:
+    return None if gnss_position is None else (gnss_position, _START_SIGMA_M)
+
+
+def _moved(located: Located, motion: Pose) -> Located:
+    """The same frame after the map moved under it."""
+    return replace(located, estimate=replace(located.estimate, T_map_cam=motion @ located.T_map_cam))
+
+
+def _placed(frame: ObservedFrame, T_map_cam: Pose, covariance: NDArray[np.float64]) -> Located:
+    """A frame whose pose is given, with no landmarks yet."""
+    estimate = PoseEstimate(T_map_cam, covariance, np.zeros(0, np.bool_), np.zeros(0))
+    none = np.full(len(frame), NO_LANDMARK, np.int64)
+    return Located(frame, estimate, none, np.zeros(0, np.int64), 0, 0, 0)

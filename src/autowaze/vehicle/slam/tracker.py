@@ -31,7 +31,8 @@ class Located:
         estimate: pose and covariance.
         landmark_id: (N,) int64 per feature, inliers only; -1 for none.
         visible_row: (M,) int64, rows of the landmarks predicted visible.
-        n_inliers, n_stored_inliers: how many features agree, and how many of them with the stored map.
+        n_inliers, n_steering, n_stored_inliers: how many features agree, how many of them held the pose, and how many
+            match the stored map.
     """
 
     frame: ObservedFrame
@@ -39,6 +40,7 @@ class Located:
     landmark_id: NDArray[np.int64]
     visible_row: NDArray[np.int64]
     n_inliers: int
+    n_steering: int
     n_stored_inliers: int
 
     @property
@@ -68,16 +70,16 @@ class Tracker:
 
     def in_map(self, frame: ObservedFrame, T_map_cam: Pose, local_rows: NDArray[np.int64], widen: float = 1.0) -> Located:
         """Pose by the landmarks of the local map, started near it."""
-        if widen==1.0: T_map_cam = self.in_map(frame,T_map_cam,local_rows,2.0).T_map_cam
         predictions = predict(self.landmarks, local_rows, T_map_cam, self.camera, self._level_scale)
         found = self._match_map(frame, predictions, widen)
         feature, row = found[found >= 0], predictions.row[found >= 0]
+        weight = self._weights(frame, feature, self.landmarks.label[row], self.landmarks.is_stored[row])
         estimate = optimize_pose(
             T_map_cam,
             self.landmarks.position[row],
             frame.measured[feature],
             frame.information[feature],
-            self._weights(frame, feature, self.landmarks.label[row]),
+            weight,
             self.camera,
         )
         landmark_id = np.full(len(frame), NO_LANDMARK, np.int64)
@@ -89,21 +91,31 @@ class Tracker:
             landmark_id,
             predictions.row,
             int(np.count_nonzero(estimate.inlier)),
+            int(np.count_nonzero(estimate.inlier & (weight > 0))),
             int(np.count_nonzero(stored)),
         )
 
     def _match_map(self, frame: ObservedFrame, predictions: Predictions, widen: float) -> NDArray[np.int64]:
+        """Features of the predicted landmarks; those of the stored map choose first."""
         radius = np.where(predictions.frontal, _MAP_RADIUS_PX, _MAP_RADIUS_OBLIQUE_PX) * widen
-        return match_in_windows(
-            frame,
-            self.landmarks.descriptor.view(np.uint64)[predictions.row],
-            predictions.pixel,
-            predictions.level,
-            radius * self._level_scale[predictions.level],
-            frame.moving,
-            self.settings.max_hamming,
-            self.settings.ratio,
-        )
+        radius *= self._level_scale[predictions.level]
+        words = self.landmarks.descriptor.view(np.uint64)
+        stored = self.landmarks.is_stored[predictions.row]
+        found = np.full(len(predictions), -1, np.int64)
+        taken = frame.moving.copy()
+        for group in (np.flatnonzero(stored), np.flatnonzero(~stored)):
+            found[group] = match_in_windows(
+                frame,
+                words[predictions.row[group]],
+                predictions.pixel[group],
+                predictions.level[group],
+                radius[group],
+                taken,
+                self.settings.max_hamming,
+                self.settings.ratio,
+            )
+            taken[found[group][found[group] >= 0]] = True
+        return found
 
     def _match_and_optimize(
         self,
@@ -130,7 +142,7 @@ class Tracker:
         if np.count_nonzero(hit) < _MIN_MOTION_INLIERS:
             return None
         feature = found[hit]
-        weight = self._weights(frame, feature, source.features.label[source_row[hit]])
+        weight = self._weights(frame, feature, source.features.label[source_row[hit]], np.zeros(len(feature), np.bool_))
         estimate = optimize_pose(
             T_predicted, position[hit], frame.measured[feature], frame.information[feature], weight, self.camera
         )
@@ -145,12 +157,24 @@ class Tracker:
         return position, rows
 
     def _weights(
-        self, frame: ObservedFrame, feature: NDArray[np.int64], landmark_label: NDArray[np.uint8]
+        self,
+        frame: ObservedFrame,
+        feature: NDArray[np.int64],
+        landmark_label: NDArray[np.uint8],
+        stored: NDArray[np.bool_],
     ) -> NDArray[np.float64]:
-        """What stands for good counts; what may drive away does only where the rest is too little."""
+        """What stands for good counts; what may drive away does only where the rest is too little.
+
+        Landmarks of this drive inherit the error of the pose from which they were made: they count less where the
+        stored map holds the pose.
+        """
+        s = self.settings
         movable = is_movable(frame.features.label[feature]) | is_movable(landmark_label)
-        enough = np.count_nonzero(~movable) >= self.settings.min_static_inliers
-        return np.where(movable, 0.0 if enough else self.settings.movable_weight, 1.0)
+        enough = np.count_nonzero(~movable) >= s.min_static_inliers
+        weight = np.where(movable, 0.0 if enough else s.movable_weight, 1.0)
+        if np.count_nonzero(stored & ~movable) >= s.min_static_inliers:
+            weight[~stored] *= s.own_weight
+        return weight
 
 
 def _project(

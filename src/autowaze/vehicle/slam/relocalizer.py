@@ -1,0 +1,107 @@
+"""Finding the pose without a prediction: by appearance, then geometry, then the whole local map."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from autowaze.vehicle.slam.landmarks import Landmarks
+from autowaze.vehicle.slam.observed_frame import ObservedFrame
+from autowaze.vehicle.slam.settings import SlamSettings
+from autowaze.vehicle.slam.tracker import Located, Tracker
+from autowaze.vehicle.vision.compiled import compiled, hamming
+from autowaze.world.camera import StereoCamera
+from autowaze.world.pose import Pose, inverse, make_pose
+
+_MAX_HAMMING = 60
+_RATIO = 0.85
+_ELSEWHERE_M = 1.0  # the second best match must be another place, not a second landmark of the same corner
+_MIN_PNP_INLIERS = 12
+_PNP_ERROR_PX = 4.0
+_WIDE = 3.0  # windows after PnP, whose pose is good to a few pixels only
+
+
+class Relocalizer:
+    """Places a frame in a set of landmarks."""
+
+    def __init__(self, camera: StereoCamera, settings: SlamSettings, landmarks: Landmarks, tracker: Tracker) -> None:
+        self.camera = camera
+        self.settings = settings
+        self.landmarks = landmarks
+        self.tracker = tracker
+
+    def locate(self, frame: ObservedFrame, rows: NDArray[np.int64]) -> Located | None:
+        """Pose of a frame among the landmarks of these rows, or None when it is not found for certain."""
+        if len(rows) < _MIN_PNP_INLIERS or len(frame) < _MIN_PNP_INLIERS:
+            return None
+        found = self._by_appearance(frame, rows)
+        feature = np.flatnonzero(found >= 0)
+        T = self._by_geometry(frame, feature, self.landmarks.position[rows[found[feature]]])
+        if T is None:
+            return None
+        near = self._around(rows, T)
+        located = self.tracker.in_map(frame, T, near, widen=_WIDE)
+        located = self.tracker.in_map(frame, located.T_map_cam, near)
+        return located if located.n_steering >= self.settings.min_relocalized_inliers else None
+
+    def _by_appearance(self, frame: ObservedFrame, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        words = np.ascontiguousarray(self.landmarks.descriptor[rows]).view(np.uint64)
+        position = np.ascontiguousarray(self.landmarks.position[rows])
+        return np.asarray(_match_anywhere(frame.words, frame.moving, words, position, _MAX_HAMMING, _RATIO))
+
+    def _by_geometry(
+        self, frame: ObservedFrame, feature: NDArray[np.int64], position: NDArray[np.float64]
+    ) -> Pose | None:
+        if len(feature) < _MIN_PNP_INLIERS:
+            return None
+        centre = position.mean(axis=0)  # keeps the numbers small in large maps
+        ok, rotation, translation, inliers = cv2.solvePnPRansac(
+            position - centre,
+            frame.uv[feature],
+            self.camera.K,
+            None,
+            iterationsCount=1000,
+            reprojectionError=_PNP_ERROR_PX,
+            confidence=0.999,
+            flags=cv2.SOLVEPNP_AP3P,
+        )
+        if not ok or inliers is None or len(inliers) < _MIN_PNP_INLIERS:
+            return None
+        T = inverse(make_pose(cv2.Rodrigues(rotation)[0], translation.ravel()))
+        T[:3, 3] += centre
+        return T
+
+    def _around(self, rows: NDArray[np.int64], T_map_cam: Pose) -> NDArray[np.int64]:
+        offset = self.landmarks.position[rows, :2] - T_map_cam[:2, 3]
+        return rows[np.einsum("ij,ij->i", offset, offset) < self.settings.local_radius_m**2]
+
+
+@compiled
+def _match_anywhere(words, skip, candidate_words, position, max_hamming, ratio):  # type: ignore[no-untyped-def]
+    """Row of the candidate most like each feature (N,), -1 where it is unlike all, or like two different places."""
+    n, m = words.shape[0], candidate_words.shape[0]
+    found = np.full(n, -1, np.int64)
+    for i in range(n):
+        if skip[i]:
+            continue
+        best, best_distance, second = -1, 257, 257
+        for j in range(m):
+            distance = np.int64(hamming(words[i], candidate_words[j]))
+            if distance >= second:
+                continue
+            elsewhere = True
+            if best >= 0:
+                dx = position[j, 0] - position[best, 0]
+                dy = position[j, 1] - position[best, 1]
+                dz = position[j, 2] - position[best, 2]
+                elsewhere = dx * dx + dy * dy + dz * dz > _ELSEWHERE_M**2
+            if distance < best_distance:
+                if elsewhere:
+                    second = best_distance
+                best, best_distance = j, distance
+            elif elsewhere:
+                second = distance
+        if best >= 0 and best_distance <= max_hamming and best_distance < ratio * second:
+            found[i] = best
+    return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from autowaze.traces.kitti import KittiTrace
+from autowaze.traces.recorded import RecordedTrace
 from autowaze.traces.trace import Trace
 from autowaze.world.errors import TraceError
 
@@ -25,7 +26,9 @@ def open_trace(path: str | Path, cameras: str = "auto", frames: slice | None = N
         raise TraceError(f"{folder}: no such folder; give the folder of a stereo drive")
     if KittiTrace.recognises(folder):
         return KittiTrace(folder, cameras=cameras, frames=frames)
+    if RecordedTrace.recognises(folder):
+        return RecordedTrace(folder, frames=frames)
     raise TraceError(
-        f"{folder}: not a known kind of stereo drive; expected KITTI odometry (image_0, image_1, calib.txt) "
-        "or KITTI raw (image_00/data, image_01/data, calib_cam_to_cam.txt)"
+        f"{folder}: not a known kind of stereo drive; expected an Autowaze trace (trace.json), KITTI odometry "
+        "(image_0, image_1, calib.txt) or KITTI raw (image_00/data, image_01/data, calib_cam_to_cam.txt)"
     )

@@ -1,0 +1,1 @@
+"""The street seen from above: roads, bays, pavements, building lines."""

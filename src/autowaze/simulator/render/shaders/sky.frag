@@ -1,0 +1,16 @@
+in vec2 at;
+uniform sampler2D sky_picture;
+uniform mat3 screen_to_map;
+uniform float exposure;
+layout(location = 0) out vec4 out_colour;
+layout(location = 1) out uint out_id;
+
+const float PARABOLOID_REACH = 1.25;
+
+void main() {
+    vec3 direction = normalize(screen_to_map * vec3(at, 1.0));
+    vec2 paraboloid = direction.xy / (1.0 + max(direction.z, 0.0)) / (2.0 * PARABOLOID_REACH) + 0.5;
+    vec3 encoded = texture(sky_picture, paraboloid).rgb;
+    out_colour = vec4(sqrt(1.0 - exp(-3.0 * exposure * encoded * encoded)), 1.0);
+    out_id = 0u;
+}

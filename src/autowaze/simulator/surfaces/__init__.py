@@ -1,0 +1,1 @@
+"""Painted surfaces: masonry, asphalt, glass, leaves, car bodies."""

@@ -1,0 +1,1 @@
+"""Models of what stands and moves on a street."""

@@ -90,8 +90,9 @@ def paste_in_box(
     for y; between value centres the values are interpolated. Only the box is touched.
     """
     height, width = mask.shape
-    x0, y0 = max(int(np.floor(box[0])), 0), max(int(np.floor(box[1])), 0)
-    x1, y1 = min(int(np.ceil(box[2])), width), min(int(np.ceil(box[3])), height)
+    # A pixel belongs to the box when its centre does.
+    x0, y0, x1, y1 = (int(np.ceil(edge - 0.5)) for edge in box)
+    x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, width), min(y1, height)
     if x1 <= x0 or y1 <= y0:
         return
     (sx, sy), (ox, oy) = values_per_pixel, offset

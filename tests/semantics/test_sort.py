@@ -1,0 +1,142 @@
+"""SORT on boxes whose motion is known."""
+
+import numpy as np
+import pytest
+
+from autowaze.vehicle.semantics.box_filter import BoxFilter, boxes_to_measurements, states_to_boxes
+from autowaze.vehicle.semantics.instance_depth import InstanceDepths
+from autowaze.vehicle.semantics.sort import Sort
+from autowaze.world.camera import StereoCamera
+from autowaze.world.instances import Detections
+from autowaze.world.labels import ClassLabel
+from autowaze.world.pose import heading_to_rotation, make_pose
+
+CAMERA = StereoCamera(720.0, 720.0, 620.0, 187.0, 0.54, 1240, 375)
+
+
+def detections(*boxes, label=ClassLabel.CAR):
+    n = len(boxes)
+    return Detections(
+        np.array(boxes, np.float32).reshape(n, 4),
+        np.full(n, label, np.uint8),
+        np.full(n, 0.9, np.float32),
+        np.zeros((n, 4, 4), np.bool_),
+    )
+
+
+def parked_car(x, z, T_map_cam, width=1.8, height=1.5):
+    """Box and depths of the back of a car at (x, z) ahead of the first camera, as a camera further on sees it."""
+    z_now = z - T_map_cam[1, 3]
+    left, right = (620.0 + 720.0 * (x + s * width / 2) / z_now for s in (-1, 1))
+    top, bottom = (187.0 + 720.0 * y / z_now for y in (1.65 - height, 1.65))
+    return tuple(np.clip((left, top, right, bottom), 0, [1240, 375, 1240, 375])), z_now
+
+
+def depths(*z):
+    d = np.array(z, np.float64)
+    return InstanceDepths(d, d, d - 0.3, d + 0.3)
+
+
+def at(z):
+    """The camera of a car driving north, z metres on."""
+    return make_pose(heading_to_rotation(0.0), np.array([0.0, z, 0.0]))
+
+
+def test_boxes_survive_the_way_to_filter_states_and_back():
+    boxes = np.array([[10.0, 20.0, 110.0, 60.0], [0.0, 0.0, 5.0, 50.0]])
+    assert np.allclose(states_to_boxes(boxes_to_measurements(boxes)), boxes)
+
+
+def test_filter_learns_a_constant_velocity():
+    box_filter = BoxFilter()
+    box_filter.add(boxes_to_measurements(np.array([[0.0, 100.0, 60.0, 140.0]])))
+    for k in range(1, 30):
+        box_filter.predict(np.zeros((1, 4)))
+        box_filter.correct(np.array([0]), boxes_to_measurements(np.array([[5.0 * k, 100.0, 60.0 + 5.0 * k, 140.0]])))
+    assert box_filter.mean[0, 4] == pytest.approx(5.0, abs=0.1)
+    assert box_filter.mean[0, 5] == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_box_keeps_its_id_while_it_moves():
+    sort = Sort()
+    ids = [sort.update(detections((k * 8, 100, k * 8 + 60, 140))).id.tolist() for k in range(20)]
+    assert ids == [[1]] * 20
+
+
+def test_two_cars_that_pass_each_other_keep_their_ids():
+    sort = Sort()
+    for k in range(30):
+        tracks = sort.update(detections((k * 12, 100, k * 12 + 80, 150), (340 - k * 12, 120, 420 - k * 12, 170)))
+    assert tracks.id.tolist() == [1, 2]
+
+
+def test_ids_are_positive_and_never_used_twice():
+    sort = Sort()
+    seen = []
+    for k in range(10):
+        for _ in range(3):
+            tracks = sort.update(detections((100 * k, 0, 100 * k + 50, 40)))
+        seen.append(int(tracks.id[0]))
+        for _ in range(3):
+            sort.update(detections())
+    assert seen == list(range(1, 11))
+
+
+def test_a_person_never_continues_the_track_of_a_car():
+    sort = Sort()
+    sort.update(detections((100, 100, 160, 140)))
+    assert sort.update(detections((100, 100, 160, 140), label=ClassLabel.PERSON)).id.tolist() == [2]
+
+
+def test_a_van_called_car_and_truck_in_turn_is_one_track_with_one_label():
+    sort = Sort()
+    for label in (ClassLabel.CAR, ClassLabel.TRUCK, ClassLabel.CAR, ClassLabel.TRUCK, ClassLabel.CAR):
+        tracks = sort.update(detections((100, 100, 200, 180), label=label))
+    assert tracks.id.tolist() == [1]
+    assert tracks.label.tolist() == [ClassLabel.CAR]
+
+
+def test_an_empty_frame_gives_no_tracks():
+    assert len(Sort().update(Detections.empty(4, 4))) == 0
+
+
+def test_a_parked_car_that_sweeps_through_the_image_needs_ego_motion():
+    plain, helped = Sort(), Sort(CAMERA)
+    plain_ids, helped_ids = set(), set()
+    for k in range(9):
+        box, z = parked_car(x=4.0, z=20.0, T_map_cam=at(2.0 * k))  # 20 m/s at 10 Hz
+        plain_ids.update(plain.update(detections(box)).id.tolist())
+        helped_ids.update(helped.update(detections(box), at(2.0 * k), depths(z)).id.tolist())
+    assert helped_ids == {1}
+    assert len(plain_ids) > 1
+
+
+def test_a_parked_car_hidden_for_a_second_gets_its_id_back():
+    sort = Sort(CAMERA)
+    for k in range(20):
+        box, z = parked_car(x=4.0, z=25.0, T_map_cam=at(0.7 * k))
+        hidden = 5 <= k < 15
+        tracks = sort.update(
+            detections() if hidden else detections(box), at(0.7 * k), depths() if hidden else depths(z)
+        )
+    assert tracks.id.tolist() == [1]
+
+
+def test_a_nearer_car_does_not_take_over_the_id_of_the_one_it_hides():
+    sort = Sort(CAMERA)
+    behind, z_behind = parked_car(x=3.0, z=24.0, T_map_cam=at(0.0))
+    assert sort.update(detections(behind), at(0.0), depths(z_behind)).id.tolist() == [1]
+    left, top, right, bottom = behind
+    in_front = (left - 10.0, top - 10.0, right + 12.0, bottom + 16.0)
+    assert sort.update(detections(in_front), at(0.0), depths(16.0)).id.tolist() == [2]
+    assert sort.update(detections(behind), at(0.0), depths(z_behind)).id.tolist() == [1]
+
+
+def test_a_car_ahead_at_our_speed_is_followed_though_it_does_not_stand():
+    sort = Sort(CAMERA)
+    ids = set()
+    for k in range(30):
+        T = at(1.0 * k)
+        box, z = parked_car(x=0.5, z=15.0 + 1.0 * k, T_map_cam=T)
+        ids.update(sort.update(detections(box), T, depths(z)).id.tolist())
+    assert ids == {1}

@@ -22,7 +22,7 @@ def cluster_by_density(features: MapFeatures, spots: SpotIndex, vehicles_only: b
         features = features[is_vehicle(features.label)]
     features = features[spots.near(features.position[:, :2], NEAR_SPOT_M)]
     cluster = _dbscan(features.position[:, :2])
-    member = cluster >= 0
+    member = np.argsort(cluster, kind="stable")[np.count_nonzero(cluster < 0) :]
     features, cluster = features[member], cluster[member]
     count = int(cluster.max(initial=-1)) + 1
     seen_at = np.zeros(count)

@@ -83,8 +83,10 @@ class GroundVotes:
 def _look_up(ground: GroundCells, codes: NDArray[np.int64]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """Votes (C,) for the cells with these codes, 0 for cells that were not seen."""
     known = cell_codes(ground.ix, ground.iy)
-    order = np.argsort(known)
-    row = order[np.searchsorted(known, codes, sorter=order).clip(max=len(known) - 1)]
+    if not (known[1:] > known[:-1]).all():
+        order = np.argsort(known)
+        ground, known = ground[order], known[order]
+    row = np.searchsorted(known, codes).clip(max=len(known) - 1)
     hit = known[row] == codes
     free, obstacle = (np.minimum(votes[row], 255) * hit for votes in (ground.free, ground.obstacle))
     return free.astype(np.uint8), obstacle.astype(np.uint8)

@@ -6,17 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from autowaze.cloud.instances import InstanceViews
 from autowaze.cloud.integration import MapState
+from autowaze.cloud.neighbours import number_parts
 from autowaze.world.feature_map import MapFeatures
 from autowaze.world.labels import VEHICLES, is_vehicle
 
 SPLIT_GAP_M = 0.6
-_APART_M = 1e5
 
 
 @dataclass(frozen=True)
@@ -25,7 +22,7 @@ class VehicleGroups:
 
     Attributes:
         position: (P, 3) float64, metres in the map frame.
-        group: (P,) int64, row in `views` of each point's group.
+        group: (P,) int64, ascending: row in `views` of each point's group.
         views: (G,) what is known of each group; a group may have no points.
     """
 
@@ -39,6 +36,11 @@ class VehicleGroups:
     def keep(self, points: NDArray[np.bool_]) -> VehicleGroups:
         """The same groups with only these points (P,)."""
         return replace(self, position=self.position[points], group=self.group[points])
+
+    @property
+    def starts(self) -> NDArray[np.int64]:
+        """Bounds (G + 1,): the points of group g are rows starts[g] to starts[g + 1]."""
+        return np.searchsorted(self.group, np.arange(len(self) + 1))
 
     @property
     def sizes(self) -> NDArray[np.int64]:
@@ -56,6 +58,7 @@ class VehicleGroups:
 def group_by_instance(state: MapState, instances: NDArray[np.uint64]) -> VehicleGroups:
     """Partition the vehicle features of these instances (K,) by their instance."""
     features = state.vehicle_features(instances)
+    features = features[np.argsort(features.instance_key, kind="stable")]
     group = np.searchsorted(instances, features.instance_key).astype(np.int64)
     views = _filled_in(state.instances.views(instances), features, group)
     return VehicleGroups(features.position, group, views)
@@ -66,17 +69,9 @@ def split_in_space(groups: VehicleGroups, gap_m: float = SPLIT_GAP_M) -> Vehicle
 
     In a dense row a track may jump to the next car; the gap between the two shows it.
     """
-    apart = np.column_stack([groups.position[:, :2], groups.group * _APART_M])
-    pairs = cKDTree(apart).query_pairs(gap_m, output_type="ndarray") if len(apart) else np.zeros((0, 2), np.int64)
-    links = coo_array(
-        (np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), shape=(len(apart), len(apart))
-    ).tocsr()
-    part = connected_components(links, directed=False)[1]
+    part = number_parts(groups.position[:, :2], groups.starts, gap_m)
     first = np.unique(part, return_index=True)[1]
-    order = np.lexsort((first, groups.group[first]))
-    rank = np.empty(len(order), np.int64)
-    rank[order] = np.arange(len(order))
-    return VehicleGroups(groups.position, rank[part], groups.views[groups.group[first[order]]])
+    return VehicleGroups(groups.position, part, groups.views[groups.group[first]])
 
 
 def _filled_in(views: InstanceViews, features: MapFeatures, group: NDArray[np.int64]) -> InstanceViews:

@@ -23,6 +23,9 @@ from autowaze.world.map_diff import SemanticMapDiff
 MAX_AWAITED_REMOVALS = 1 << 22
 """Removed ids whose features have not arrived; more than this is no reordering but an attack."""
 
+MAX_WINDOWS = 32
+"""Windows whose features of one instance are looked at; a track is lost long before."""
+
 
 @dataclass(frozen=True)
 class MapChange:
@@ -94,14 +97,18 @@ class MapState:
         return MapChange(added[lasting], gone, touched)
 
     def vehicle_features(self, instances: NDArray[np.uint64]) -> MapFeatures:
-        """Features with a vehicle's label that belong to these instances, sorted by id."""
-        numbers = sorted({n for key in instances.tolist() for n in self._blocks_of_instance.get(key, ())})
-        if not numbers:
-            return MapFeatures.empty()
-        parts = []
-        for number in numbers:
+        """Features with a vehicle's label that belong to these instances, sorted by id.
+
+        Of an instance that gains features over and over, those of the first windows stand for all.
+        """
+        keys_of_block: dict[int, list[int]] = {}
+        for key in instances.tolist():
+            for number in sorted(self._blocks_of_instance.get(key, ()))[:MAX_WINDOWS]:
+                keys_of_block.setdefault(number, []).append(key)
+        parts = [MapFeatures.empty()]
+        for number, keys in sorted(keys_of_block.items()):
             block = self._blocks[number]
-            parts.append(block[is_vehicle(block.label) & np.isin(block.instance_key, instances)])
+            parts.append(block[is_vehicle(block.label) & np.isin(block.instance_key, np.array(keys, np.uint64))])
         return MapFeatures.concatenate(parts)
 
     def _add(self, number: int, features: MapFeatures) -> MapFeatures:

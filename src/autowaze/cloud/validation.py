@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from autowaze.cloud.spots import cell_codes
 from autowaze.world.errors import WireError
 from autowaze.world.georeference import Georeference
 from autowaze.world.ground import CELL_M
@@ -68,11 +69,14 @@ def _check_ground(diff: SemanticMapDiff) -> None:
     _require(len(ground) <= MAX_GROUND_CELLS, f"more than {MAX_GROUND_CELLS} ground cells")
     if len(ground) == 0:
         return
-    cells = np.stack([ground.ix, ground.iy], axis=1).astype(np.int64)
-    _require(bool((np.abs(cells) * CELL_M <= MAX_EXTENT_M).all()), "a ground cell is off the map")
-    _require(bool((np.ptp(cells, axis=0) * CELL_M <= MAX_WINDOW_M).all()), f"ground spans over {MAX_WINDOW_M:.0f} m")
-    codes = np.sort((cells[:, 0] << 32) + cells[:, 1])
-    _require(bool((np.diff(codes) > 0).all()), "two rows for one ground cell")
+    for axis in (ground.ix, ground.iy):
+        low, high = int(axis.min()), int(axis.max())
+        _require(max(-low, high) * CELL_M <= MAX_EXTENT_M, "a ground cell is off the map")
+        _require((high - low) * CELL_M <= MAX_WINDOW_M, f"ground spans over {MAX_WINDOW_M:.0f} m")
+    codes = cell_codes(ground.ix, ground.iy)
+    if not (codes[1:] > codes[:-1]).all():
+        codes = np.sort(codes)
+        _require(bool((codes[1:] > codes[:-1]).all()), "two rows for one ground cell")
 
 
 def _check_instances(diff: SemanticMapDiff) -> None:

@@ -30,7 +30,7 @@ class GroundSettings:
     """
 
     camera_height_m: tuple[float, float] = (1.0, 2.4)
-    max_range_m: float = 22.0
+    max_range_m: float = 25.0
     ground_tolerance_m: float = 0.17
     obstacle_bottom_m: float = 0.3
     obstacle_top_m: float = 2.0
@@ -224,8 +224,15 @@ def _count_pixels(
             height = camera_height * (1.0 - (a * u + b * v + c) / d)
             if height < heights[0] or height > heights[3] or heights[1] < height < heights[2]:
                 continue
+            ground = height <= heights[1]
             z = bf / d / CELL_M
-            x = (to_cells[0, 0] * u + to_cells[0, 1] * v + to_cells[0, 2]) * z + to_cells[0, 3]
-            y = (to_cells[1, 0] * u + to_cells[1, 1] * v + to_cells[1, 2]) * z + to_cells[1, 3]
-            if 0 <= x < counts.shape[1] and 0 <= y < counts.shape[2]:
-                counts[0 if height <= heights[1] else 1, int(x), int(y)] += 1
+            # A row of pixels sees a strip of ground, half a metre deep at 18 m.
+            strip = z * z * CELL_M * b / bf if ground else 0.0
+            steps = int(strip) + 1
+            ray_x = to_cells[0, 0] * u + to_cells[0, 1] * v + to_cells[0, 2]
+            ray_y = to_cells[1, 0] * u + to_cells[1, 1] * v + to_cells[1, 2]
+            for step in range(steps):
+                z_step = z + strip * ((step + 0.5) / steps - 0.5)
+                x, y = ray_x * z_step + to_cells[0, 3], ray_y * z_step + to_cells[1, 3]
+                if 0 <= x < counts.shape[1] and 0 <= y < counts.shape[2]:
+                    counts[0 if ground else 1, int(x), int(y)] += 1

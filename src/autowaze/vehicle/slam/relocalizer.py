@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.vehicle.slam.consensus import pose_by_consensus
 from autowaze.vehicle.slam.landmarks import Landmarks
 from autowaze.vehicle.slam.observed_frame import ObservedFrame
 from autowaze.vehicle.slam.settings import SlamSettings
 from autowaze.vehicle.slam.tracker import Located, Tracker
 from autowaze.vehicle.vision.compiled import compiled, hamming
 from autowaze.world.camera import StereoCamera
-from autowaze.world.pose import Pose, inverse, make_pose
+from autowaze.world.pose import Pose
 
 _MAX_HAMMING = 60
 _RATIO = 0.85
 _ELSEWHERE_M = 1.0  # the second best match must be another place, not a second landmark of the same corner
-_MIN_PNP_INLIERS = 12
-_PNP_ERROR_PX = 4.0
-_WIDE = 3.0  # windows after PnP, whose pose is good to a few pixels only
+_MIN_INLIERS = 12
+_WIDE = 3.0  # windows after the consensus, whose pose is good to a few pixels only
 
 
 class Relocalizer:
@@ -33,11 +32,12 @@ class Relocalizer:
 
     def locate(self, frame: ObservedFrame, rows: NDArray[np.int64]) -> Located | None:
         """Pose of a frame among the landmarks of these rows, or None when it is not found for certain."""
-        if len(rows) < _MIN_PNP_INLIERS or len(frame) < _MIN_PNP_INLIERS:
+        if len(rows) < _MIN_INLIERS or len(frame) < _MIN_INLIERS:
             return None
         found = self._by_appearance(frame, rows)
         feature = np.flatnonzero(found >= 0)
-        T = self._by_geometry(frame, feature, self.landmarks.position[rows[found[feature]]])
+        position = self.landmarks.position[rows[found[feature]]]
+        T = pose_by_consensus(position, frame.uv[feature], self.camera, _MIN_INLIERS)
         if T is None:
             return None
         near = self._around(rows, T)
@@ -49,28 +49,6 @@ class Relocalizer:
         words = np.ascontiguousarray(self.landmarks.descriptor[rows]).view(np.uint64)
         position = np.ascontiguousarray(self.landmarks.position[rows])
         return np.asarray(_match_anywhere(frame.words, frame.moving, words, position, _MAX_HAMMING, _RATIO))
-
-    def _by_geometry(
-        self, frame: ObservedFrame, feature: NDArray[np.int64], position: NDArray[np.float64]
-    ) -> Pose | None:
-        if len(feature) < _MIN_PNP_INLIERS:
-            return None
-        centre = position.mean(axis=0)  # keeps the numbers small in large maps
-        ok, rotation, translation, inliers = cv2.solvePnPRansac(
-            position - centre,
-            frame.uv[feature],
-            self.camera.K,
-            None,
-            iterationsCount=1000,
-            reprojectionError=_PNP_ERROR_PX,
-            confidence=0.999,
-            flags=cv2.SOLVEPNP_AP3P,
-        )
-        if not ok or inliers is None or len(inliers) < _MIN_PNP_INLIERS:
-            return None
-        T = inverse(make_pose(cv2.Rodrigues(rotation)[0], translation.ravel()))
-        T[:3, 3] += centre
-        return T
 
     def _around(self, rows: NDArray[np.int64], T_map_cam: Pose) -> NDArray[np.int64]:
         offset = self.landmarks.position[rows, :2] - T_map_cam[:2, 3]

@@ -54,9 +54,9 @@ class SlamSettings:
     restart_after: int = 10
     max_depth_baselines: float = 720.0
     min_keyframe_gap: int = 1
-    keyframe_ratio: float = 0.8
-    keyframe_distance_m: float = 2.0
-    keyframe_angle_rad: float = 0.1
+    keyframe_ratio: float = 0.4
+    keyframe_distance_m: float = 0.25
+    keyframe_angle_rad: float = 0.03
     n_adjusted: int = 10
     n_fixed: int = 10
     local_radius_m: float = 60.0

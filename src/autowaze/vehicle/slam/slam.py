@@ -23,6 +23,7 @@ from autowaze.world.pose import Pose, heading_to_rotation, inverse, make_pose, s
 _SMALL_MAP_FEATURES = 60_000  # so many can all be compared with a frame's features in half a second
 _START_SIGMA_M = 5.0  # of a given start pose, as a satellite receiver has it
 _RETRY_FRAMES = 5  # between attempts to find the stored map again while odometry holds
+_BLIND_STEP_M = 1.0  # assumed per frame while lost
 _UNKNOWN = np.diag([1e6, 1e6, 1e6, 10.0, 10.0, 10.0])
 _MAX_BLIND_FRAMES = 10  # a motion is carried on so long without sight
 
@@ -66,7 +67,7 @@ class StereoSlam:
         self._relocalizer = Relocalizer(camera, settings, self.landmarks, self._tracker)
         self._level_scale = settings.level_scale
         self._last: Located | None = None
-        self._velocity: Pose = np.eye(4)
+        self._velocity: Pose | None = None
         self._covariance_floor = np.zeros((6, 6))
         self._reference_inliers = 0
         self._count = 0
@@ -142,9 +143,11 @@ class StereoSlam:
         last = self._last
         if last is None or self._blind_frames:
             return None
-        T_predicted = last.T_map_cam @ self._velocity
+        T_predicted = None if self._velocity is None else last.T_map_cam @ self._velocity
         T = self._tracker.from_last(frame, last, T_predicted)
-        located = self._tracker.in_map(frame, T_predicted if T is None else T, self._mapper.local_rows)
+        if T is None:
+            T = last.T_map_cam if T_predicted is None else T_predicted
+        located = self._tracker.in_map(frame, T, self._mapper.local_rows)
         return located if located.n_steering >= self.settings.min_inliers else None
 
     def _find_again(
@@ -155,7 +158,7 @@ class StereoSlam:
         n_stereo = int(np.count_nonzero(frame.features.has_depth & ~frame.moving))
         if n_stereo < self.settings.min_start_features:
             return None, f"only {n_stereo} stereo features in view"
-        sigma = 1.0 + self._blind_frames * max(float(np.linalg.norm(self._velocity[:3, 3])), 0.5) / 3.0
+        sigma = 1.0 + 0.3 * self._blind_m()
         prior = _as_prior(gnss_position) or (self._last.T_map_cam[:3, 3], sigma)
         located = self._relocalizer.locate(frame, self._rows_near(prior))
         if located is not None:
@@ -164,13 +167,12 @@ class StereoSlam:
         if self._seeing_but_lost < self.settings.restart_after:
             return None, "the view matches no known place"
         self._mapper.forget()
-        blind_m = self._blind_frames * max(float(np.linalg.norm(self._velocity[:3, 3])), 1.0)
-        self._covariance_floor = self._covariance_floor + np.diag([(0.3 * blind_m) ** 2] * 3 + [0.1] * 3)
+        self._covariance_floor = self._covariance_floor + np.diag([self._blind_m() ** 2] * 3 + [0.1] * 3)
         return _placed(frame, self._last.T_map_cam, self._covariance_floor), "odometry started afresh after a loss"
 
     def _found(self, located: Located, timestamp: float, index: int, reason: str) -> TrackedFrame:
-        if self._last is not None and not self._blind_frames:
-            self._velocity = inverse(self._last.T_map_cam) @ located.T_map_cam
+        follows = self._last is not None and not self._blind_frames
+        self._velocity = inverse(self._last.T_map_cam) @ located.T_map_cam if self._last is not None and follows else None
         self._blind_frames = self._seeing_but_lost = 0
         located = self._look_for_stored_map(located)
         self._count_sightings(located, timestamp)
@@ -225,11 +227,15 @@ class StereoSlam:
         """The pose carries on with the last motion for a while, and says that it is not to be trusted."""
         assert self._last is not None
         self._blind_frames += 1
-        if self._blind_frames <= _MAX_BLIND_FRAMES:
+        if self._velocity is not None and self._blind_frames <= _MAX_BLIND_FRAMES:
             self._last = _moved(self._last, self._last.T_map_cam @ self._velocity @ inverse(self._last.T_map_cam))
-        blind_m = self._blind_frames * max(float(np.linalg.norm(self._velocity[:3, 3])), 1.0)
-        covariance = self._last.estimate.covariance + np.diag([blind_m**2] * 3 + [0.1] * 3)
+        covariance = self._last.estimate.covariance + np.diag([self._blind_m() ** 2] * 3 + [0.1] * 3)
         return self._without_pose(frame, timestamp, index, TrackingState.LOST, reason, self._last.T_map_cam, covariance)
+
+    def _blind_m(self) -> float:
+        """How far the car may have come since it was lost."""
+        step_m = 0.0 if self._velocity is None else float(np.linalg.norm(self._velocity[:3, 3]))
+        return self._blind_frames * max(step_m, _BLIND_STEP_M)
 
     def _nowhere(self, frame: ObservedFrame, timestamp: float, index: int, reason: str) -> TrackedFrame:
         T = np.eye(4) if self._T_start is None else self._T_start

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.vehicle.slam.consensus import pose_by_consensus
 from autowaze.vehicle.slam.landmarks import NO_LANDMARK, Landmarks
 from autowaze.vehicle.slam.matching import match_in_windows
 from autowaze.vehicle.slam.observed_frame import ObservedFrame
@@ -20,7 +21,6 @@ from autowaze.world.pose import Pose, inverse
 _MOTION_RADII_PX = (20.0, 60.0)  # around the predicted pixel at level 0; the wide one when the narrow one fails
 _MAP_RADIUS_PX, _MAP_RADIUS_OBLIQUE_PX = 4.0, 6.0
 _MIN_MOTION_INLIERS = 20
-_MIN_LANDMARK_INLIERS = 60  # below it, last frame's stereo points help
 
 
 @dataclass(frozen=True)
@@ -58,14 +58,27 @@ class Tracker:
         self.landmarks = landmarks
         self._level_scale = settings.level_scale
 
-    def from_last(self, frame: ObservedFrame, last: Located, T_predicted: Pose) -> Pose | None:
-        """Pose by the features of the last frame, or None when too few of them are found again."""
-        position, rows = self._points_of(last)
+    def from_last(self, frame: ObservedFrame, last: Located, T_predicted: Pose | None) -> Pose | None:
+        """Pose by the features of the last frame, or None when too few of them are found again.
+
+        Without a prediction the matches vote for the motion: what moves along with the car must not pass for rest.
+        """
+        position = self._points_of(last)
         known = np.flatnonzero(np.isfinite(position[:, 0]) & ~last.frame.moving)
-        for radius in _MOTION_RADII_PX:
-            estimate = self._match_and_optimize(frame, T_predicted, position[known], last.frame, known, radius)
-            if estimate is not None:
-                return estimate
+        for radius in _MOTION_RADII_PX[T_predicted is None :]:
+            T = last.T_map_cam if T_predicted is None else T_predicted
+            source, feature = self._match_last(frame, T, position[known], last.frame, known, radius)
+            if T_predicted is None:
+                T = pose_by_consensus(position[source], frame.uv[feature], self.camera, _MIN_MOTION_INLIERS)
+            if T is None or len(feature) < _MIN_MOTION_INLIERS:
+                continue
+            label = last.frame.features.label[source]
+            weight = self._weights(frame, feature, label, np.zeros(len(feature), np.bool_))
+            estimate = optimize_pose(
+                T, position[source], frame.measured[feature], frame.information[feature], weight, self.camera
+            )
+            if np.count_nonzero(estimate.inlier & (weight > 0)) >= _MIN_MOTION_INLIERS:
+                return estimate.T_map_cam
         return None
 
     def in_map(self, frame: ObservedFrame, T_map_cam: Pose, local_rows: NDArray[np.int64], widen: float = 1.0) -> Located:
@@ -117,16 +130,17 @@ class Tracker:
             taken[found[group][found[group] >= 0]] = True
         return found
 
-    def _match_and_optimize(
+    def _match_last(
         self,
         frame: ObservedFrame,
-        T_predicted: Pose,
+        T_map_cam: Pose,
         position: NDArray[np.float64],
         source: ObservedFrame,
         source_row: NDArray[np.int64],
         radius_px: float,
-    ) -> Pose | None:
-        pixel, ahead = _project(position, T_predicted, self.camera)
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Features of the last frame and of this one that match."""
+        pixel, ahead = _project(position, T_map_cam, self.camera)
         level = source.octave[source_row]
         found = match_in_windows(
             frame,
@@ -139,22 +153,15 @@ class Tracker:
             self.settings.ratio,
         )
         hit = found >= 0
-        if np.count_nonzero(hit) < _MIN_MOTION_INLIERS:
-            return None
-        feature = found[hit]
-        weight = self._weights(frame, feature, source.features.label[source_row[hit]], np.zeros(len(feature), np.bool_))
-        estimate = optimize_pose(
-            T_predicted, position[hit], frame.measured[feature], frame.information[feature], weight, self.camera
-        )
-        return estimate.T_map_cam if np.count_nonzero(estimate.inlier & (weight > 0)) >= _MIN_MOTION_INLIERS else None
+        return source_row[hit], found[hit]
 
-    def _points_of(self, last: Located) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def _points_of(self, last: Located) -> NDArray[np.float64]:
         """Map positions (N, 3) of a frame's features: the landmark's, else by stereo; NaN where unknown."""
         T = last.T_map_cam
         position = last.frame.features.position_cam.astype(np.float64) @ T[:3, :3].T + T[:3, 3]
         rows = self.landmarks.rows(last.landmark_id)
         position[rows >= 0] = self.landmarks.position[rows[rows >= 0]]
-        return position, rows
+        return position
 
     def _weights(
         self,

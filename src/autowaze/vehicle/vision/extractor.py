@@ -6,13 +6,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from autowaze.vehicle.vision.orb import Keypoints, OrbDetector
-from autowaze.vehicle.vision.pyramid import Pyramid, PyramidLayout
+from autowaze.vehicle.vision.orb import OrbDetector
+from autowaze.vehicle.vision.pyramid import PyramidLayout
 from autowaze.vehicle.vision.settings import VisionSettings
 from autowaze.vehicle.vision.stereo import match_stereo
 from autowaze.world.camera import StereoCamera
 from autowaze.world.features import CameraFeatures
-from autowaze.world.frame import Image, StereoFrame
+from autowaze.world.frame import StereoFrame
 
 
 class FeatureExtractor:
@@ -23,21 +23,20 @@ class FeatureExtractor:
         self.settings = settings
         s = settings
         layout = PyramidLayout.of(camera.width, camera.height, s.n_levels, s.scale_factor)
-        self._pyramids = Pyramid(layout), Pyramid(layout)
-        self._detectors = tuple(
-            OrbDetector(n, layout, s.fast_threshold) for n in (s.n_features, s.n_features_right)
-        )
+        self._left = OrbDetector(s.n_features, layout, s.fast_threshold)
+        self._right = OrbDetector(s.n_features_right, layout, s.fast_threshold)
         self._right_thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="right-image")
 
     def extract(self, frame: StereoFrame) -> CameraFeatures:
         """Features of the left image, with depth and position where the right image shows them too."""
-        right_pending = self._right_thread.submit(self._features, 1, frame.right_grey)
-        left = self._features(0, frame.left_grey)
+        right_pending = self._right_thread.submit(self._right.detect, frame.right_grey)
+        left = self._left.detect(frame.left_grey)
         right = right_pending.result()
         u_right = match_stereo(
             left,
             right,
-            *self._pyramids,
+            self._left.pyramid,
+            self._right.pyramid,
             min_disparity_px=self.settings.min_disparity_px,
             max_disparity_px=self.camera.fx,
             max_hamming=self.settings.max_hamming,
@@ -54,7 +53,3 @@ class FeatureExtractor:
             label=np.zeros(len(left), np.uint8),
             instance_id=np.zeros(len(left), np.int32),
         )
-
-    def _features(self, side: int, image: Image) -> Keypoints:
-        self._pyramids[side].fill(image)
-        return self._detectors[side].detect(image)

@@ -1,4 +1,4 @@
-"""ORB features of one image, spread over it (Rublee et al. 2011; spreading after ORB-SLAM2)."""
+"""ORB features of one image: oriented corners with steered binary descriptors (Rublee et al. 2011)."""
 
 from __future__ import annotations
 
@@ -8,13 +8,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from autowaze.vehicle.vision.pyramid import PyramidLayout
+from autowaze.vehicle.vision.compiled import compiled
+from autowaze.vehicle.vision.corners import CornerFinder
+from autowaze.vehicle.vision.pyramid import Pyramid, PyramidLayout
 from autowaze.world.columns import Columns
+from autowaze.world.features import DESCRIPTOR_BYTES
 from autowaze.world.frame import Image
 
-_BORDER_PX = 19  # half the descriptor's patch plus its rotation
-_CANDIDATES_PER_FEATURE = 3.0  # what the spreading chooses from
-_CELLS_PER_FEATURE = 1.0
+_MOMENT_RADIUS_PX = 15  # of the intensity centroid
+_PATTERN_RADIUS_PX = 13
+_N_STEERINGS = 64  # orientations for which the pattern is prepared; ORB uses 30
+_BLUR = (7, 7), 2.0
 
 
 @dataclass
@@ -34,77 +38,97 @@ class Keypoints(Columns):
 
 
 class OrbDetector:
-    """Finds many corners and keeps those that cover the image best."""
+    """Finds the features of one camera's images, one image at a time; `pyramid` holds the last one."""
 
     def __init__(self, n_features: int, layout: PyramidLayout, fast_threshold: int) -> None:
-        self.n_features = n_features
-        self.layout = layout
-        n_levels, scale_factor = len(layout.scale), float(layout.scale[1])
-        self._quota = level_quota(n_features, n_levels, scale_factor)
-        self._orb = cv2.ORB_create(
-            nfeatures=int(_CANDIDATES_PER_FEATURE * n_features),
-            scaleFactor=scale_factor,
-            nlevels=n_levels,
-            edgeThreshold=_BORDER_PX,
-            fastThreshold=fast_threshold,
-        )
+        self.pyramid = Pyramid(layout)
+        self._blurred = Pyramid(layout)
+        self._corners = CornerFinder(self.pyramid, level_quota(n_features, layout), fast_threshold)
 
     def detect(self, image: Image) -> Keypoints:
-        """Features of a grey image."""
-        candidates = self._orb.detect(image)
-        if not candidates:
-            return _no_keypoints()
-        uv = np.asarray(cv2.KeyPoint_convert(candidates), dtype=np.float32)
-        response = np.fromiter((k.response for k in candidates), np.float32, len(candidates))
-        octave = np.fromiter((k.octave for k in candidates), np.uint8, len(candidates))
-        chosen = spread(uv, octave, response, self._quota, (image.shape[1], image.shape[0]))
-        kept, descriptor = self._orb.compute(image, [candidates[i] for i in chosen])
-        octave = octave[chosen]
-        xy_level = np.rint(np.asarray(cv2.KeyPoint_convert(kept)) / self.layout.scale[octave][:, None])
-        return Keypoints(
-            uv=self.layout.to_image(xy_level, octave).astype(np.float32),
-            octave=octave,
-            angle=np.fromiter((np.deg2rad(k.angle) for k in kept), np.float32, len(kept)),
-            descriptor=descriptor,
+        """Features of a grey image of the layout's size."""
+        self.pyramid.fill(image)
+        for level, blurred in zip(self.pyramid.levels, self._blurred.levels, strict=True):
+            cv2.GaussianBlur(level, *_BLUR, dst=blurred)
+        xy, octave = self._corners.find()
+        layout = self.pyramid.layout
+        angle, descriptor = _describe(
+            self.pyramid.block, self._blurred.block, layout.width, layout.offset, xy, octave, _CIRCLE, _STEERED
         )
+        return Keypoints(layout.to_image(xy, octave).astype(np.float32), octave, angle, descriptor)
 
 
-def level_quota(n_features: int, n_levels: int, scale_factor: float) -> NDArray[np.int64]:
+def level_quota(n_features: int, layout: PyramidLayout) -> NDArray[np.int64]:
     """Features per pyramid level (L,), in geometric proportion, that sum to `n_features`."""
-    share = (1.0 / scale_factor) ** np.arange(n_levels)
+    share = 1.0 / layout.scale
     quota = np.rint(n_features * share / share.sum()).astype(np.int64)
     quota[-1] += n_features - quota.sum()
     return quota
 
 
-def spread(
-    uv: NDArray[np.float32],
-    octave: NDArray[np.uint8],
-    response: NDArray[np.float32],
-    quota: NDArray[np.int64],
-    size: tuple[int, int],
-) -> NDArray[np.int64]:
-    """Rows of the corners to keep: the best of every cell, then the second best, up to each level's quota.
+def sampling_pattern() -> NDArray[np.float64]:
+    """Ends of the 256 binary tests (256, 2, 2), x and y in pixels: normally distributed (BRIEF, Calonder et al. 2010).
 
-    Args:
-        uv: (N, 2) pixels of the full image. octave: (N,). response: (N,), comparable within a level.
-        quota: (L,) features per level.
-        size: width and height of the image in pixels.
+    Descriptors of stored maps depend on it, so it comes from integers alone and never changes: a linear congruential
+    generator (Knuth's MMIX), sums of whose draws are nearly normal with a deviation of a fifth of the patch.
     """
-    cell_px = np.sqrt(size[0] * size[1] / (_CELLS_PER_FEATURE * np.maximum(quota, 1)))[octave]
-    column, row = (uv / cell_px[:, None]).astype(np.int64).T
-    cell = (octave.astype(np.int64) << 40) + (row << 20) + column
-    by_cell = np.lexsort((-response, cell))
-    starts = np.flatnonzero(np.diff(cell[by_cell], prepend=-1))
-    rank = np.empty(len(cell), np.int64)
-    rank[by_cell] = np.arange(len(cell)) - np.repeat(starts, np.diff(starts, append=len(cell)))
-    by_level = np.lexsort((-response, rank, octave))
-    level = octave[by_level]
-    first = np.searchsorted(level, np.arange(len(quota)))
-    return by_level[np.arange(len(cell)) - first[level] < quota[level]]
+    state, points = 2024, []
+    while len(points) < 16 * DESCRIPTOR_BYTES:
+        draws = []
+        for _ in range(8):
+            state = (state * 6364136223846793005 + 1442695040888963407) & (2**64 - 1)
+            draws.append((state >> 33) % 31 - 15)
+        x, y = sum(draws[:4]) / 2.9, sum(draws[4:]) / 2.9  # deviation 31 / 5
+        if x * x + y * y <= _PATTERN_RADIUS_PX**2:
+            points.append((x, y))
+    return np.array(points).reshape(-1, 2, 2)
 
 
-def _no_keypoints() -> Keypoints:
-    return Keypoints(
-        np.zeros((0, 2), np.float32), np.zeros(0, np.uint8), np.zeros(0, np.float32), np.zeros((0, 32), np.uint8)
-    )
+def _steered_pattern() -> NDArray[np.int8]:
+    """The pattern turned to each orientation, (steerings, 512, 2), whole pixels."""
+    turn = 2 * np.pi * np.arange(_N_STEERINGS) / _N_STEERINGS
+    c, s = np.cos(turn), np.sin(turn)
+    R = np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
+    return np.asarray(np.rint(sampling_pattern().reshape(-1, 2) @ R.transpose(0, 2, 1)), dtype=np.int8)
+
+
+def _circle() -> NDArray[np.int64]:
+    """Half width of each row of the moment's disc, (2 r + 1,)."""
+    rows = np.arange(-_MOMENT_RADIUS_PX, _MOMENT_RADIUS_PX + 1)
+    return np.floor(np.sqrt(_MOMENT_RADIUS_PX**2 - rows**2 + 0.5)).astype(np.int64)
+
+
+_STEERED = _steered_pattern()
+_CIRCLE = _circle()
+
+
+@compiled
+def _describe(block, blurred, width, offset, xy, octave, circle, steered):  # type: ignore[no-untyped-def]
+    """Orientations (N,) and descriptors (N, 32) of corners at level pixels (N, 2)."""
+    n, radius = xy.shape[0], circle.shape[0] // 2
+    angle = np.empty(n, np.float32)
+    descriptor = np.zeros((n, DESCRIPTOR_BYTES), np.uint8)
+    n_steerings = steered.shape[0]
+    for i in range(n):
+        w = width[octave[i]]
+        centre = offset[octave[i]] + xy[i, 1] * w + xy[i, 0]
+        moment_x, moment_y = 0, 0
+        for dy in range(-radius, radius + 1):
+            row, half = centre + dy * w, circle[dy + radius]
+            total = 0
+            for dx in range(-half, half + 1):
+                value = np.int64(block[row + dx])
+                total += value
+                moment_x += dx * value
+            moment_y += dy * total
+        angle[i] = np.arctan2(np.float64(moment_y), np.float64(moment_x))
+        steering = np.int64(np.rint(angle[i] * n_steerings / (2 * np.pi))) % n_steerings
+        for byte in range(DESCRIPTOR_BYTES):
+            bits = 0
+            for bit in range(8):
+                k = 2 * (8 * byte + bit)
+                one = blurred[centre + steered[steering, k, 1] * w + steered[steering, k, 0]]
+                other = blurred[centre + steered[steering, k + 1, 1] * w + steered[steering, k + 1, 0]]
+                bits |= np.int64(one < other) << bit
+            descriptor[i, byte] = bits
+    return angle, descriptor

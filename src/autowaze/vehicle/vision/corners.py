@@ -1,0 +1,115 @@
+"""Corners of a pyramid, spread over the image.
+
+The response follows the segment test of FAST (Rosten & Drummond 2006) in a form that needs no branches: on a circle of
+radius 3 every pair of opposite pixels must have one that is brighter (or darker) than the centre by the threshold. An
+edge fails along its direction, as it does in FAST; the least of those differences is the strength.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from autowaze.vehicle.vision.compiled import compiled
+from autowaze.vehicle.vision.pyramid import Pyramid
+from autowaze.world.frame import Image
+
+BORDER_PX = 19  # half the descriptor's patch and what its rotation and blur need
+_RADIUS_PX = 3
+_HALF_CIRCLE = ((-3, 0), (0, -3), (-2, -2), (-2, 2))  # rows and columns; the other half lies opposite
+_MAX_RANK = 64  # corners of one cell that compete
+
+
+class CornerFinder:
+    """Finds the corners of each level and keeps those that cover the image best."""
+
+    def __init__(self, pyramid: Pyramid, quota: NDArray[np.int64], threshold: int) -> None:
+        self._pyramid = pyramid
+        self._quota = quota
+        self._threshold = threshold
+        self._response = [np.zeros_like(level) for level in pyramid.levels]
+
+    def find(self) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+        """Level pixels x, y (N, 2) and levels (N,) of the corners, level by level."""
+        found = [self._find_in_level(level) for level in range(len(self._quota))]
+        octave = np.repeat(np.arange(len(found), dtype=np.uint8), [len(xy) for xy in found])
+        return np.concatenate(found), octave
+
+    def _find_in_level(self, level: int) -> NDArray[np.int64]:
+        image, response = self._pyramid.levels[level], self._response[level]
+        segment_response(image, response)
+        strength = cv2.boxFilter(response, cv2.CV_16U, (3, 3), normalize=False)  # breaks ties between neighbours
+        cell_px = max(np.sqrt(image.size / max(self._quota[level], 1)), 1.0)
+        return np.asarray(_spread_corners(response, strength, self._threshold, cell_px, self._quota[level]))
+
+
+def segment_response(image: Image, out: Image) -> None:
+    """Corner response (H, W) uint8 of a grey image, in grey levels; 0 within three pixels of the border."""
+    r = _RADIUS_PX
+    h, w = image.shape
+    centre = image[r : h - r, r : w - r]
+    bright: Image | None = None
+    dark: Image | None = None
+    for dy, dx in _HALF_CIRCLE:
+        one, opposite = (image[r + y : h - r + y, r + x : w - r + x] for y, x in ((dy, dx), (-dy, -dx)))
+        upper, lower = cv2.max(one, opposite), cv2.min(one, opposite)
+        bright = upper if bright is None else cv2.min(bright, upper, dst=bright)
+        dark = lower if dark is None else cv2.max(dark, lower, dst=dark)
+    out[r : h - r, r : w - r] = cv2.max(cv2.subtract(bright, centre), cv2.subtract(centre, dark))
+
+
+@compiled
+def _spread_corners(response, strength, threshold, cell_px, quota):  # type: ignore[no-untyped-def]
+    """Local maxima, x and y (n, 2): the best of every cell, then the second best, until the quota is full."""
+    height, width = response.shape
+    n_columns = np.int64(width / cell_px) + 1
+    n_cells = n_columns * (np.int64(height / cell_px) + 1)
+    capacity = response.size // 4
+    key = np.empty(capacity, np.int64)
+    n = 0
+    for y in range(BORDER_PX, height - BORDER_PX):
+        for x in range(BORDER_PX, width - BORDER_PX):
+            if response[y, x] <= threshold:
+                continue
+            s = strength[y, x]
+            if (
+                s > strength[y - 1, x - 1]
+                and s > strength[y - 1, x]
+                and s > strength[y - 1, x + 1]
+                and s > strength[y, x - 1]
+                and s >= strength[y, x + 1]
+                and s >= strength[y + 1, x - 1]
+                and s >= strength[y + 1, x]
+                and s >= strength[y + 1, x + 1]
+            ):
+                key[n] = (-np.int64(s) << 32) + y * width + x
+                n += 1
+    order = np.sort(key[:n])
+    in_cell = np.zeros(n_cells, np.int64)
+    rank = np.empty(n, np.int64)
+    of_rank = np.zeros(_MAX_RANK + 1, np.int64)
+    for i in range(n):
+        place = order[i] & 0xFFFFFFFF
+        cell = np.int64((place // width) / cell_px) * n_columns + np.int64((place % width) / cell_px)
+        rank[i] = min(in_cell[cell], _MAX_RANK)
+        in_cell[cell] += 1
+        of_rank[rank[i]] += 1
+    full, last = 0, 0
+    while last < _MAX_RANK and full + of_rank[last] <= quota:
+        full += of_rank[last]
+        last += 1
+    remaining = quota - full
+    chosen = np.empty((min(quota, n), 2), np.int64)
+    k = 0
+    for i in range(n):
+        if rank[i] > last or k == chosen.shape[0]:
+            continue
+        if rank[i] == last:
+            if remaining == 0:
+                continue
+            remaining -= 1
+        place = order[i] & 0xFFFFFFFF
+        chosen[k, 0], chosen[k, 1] = place % width, place // width
+        k += 1
+    return chosen[:k]

@@ -42,9 +42,16 @@ def test_a_car_in_place_of_another_removes_the_other() -> None:
     assert removed_of_last_part([*HOUSES, (30, 77, 0, {Sight.SURFACE: 8})]).all()
 
 
-def test_a_parked_car_of_which_a_part_matches_stays_whole() -> None:
-    parts = [*HOUSES, (15, 77, 4, {Sight.SURFACE: 4}), (15, 77, 0, {Sight.SURFACE: 8})]
-    assert not removed_features(street(parts), SETTINGS).any()
+def test_a_parked_car_of_which_every_third_feature_matches_stays_whole() -> None:
+    seen = street([*HOUSES, (10, 77, 4, {Sight.SURFACE: 4}), (20, 77, 0, {Sight.SURFACE: 8})])
+    seen.position[-20:] = np.repeat(seen.position[-30:-20], 2, axis=0)
+    assert not removed_features(seen, SETTINGS).any()
+
+
+def test_of_two_cars_under_one_id_the_one_that_left_goes() -> None:
+    parts = [*HOUSES, (15, 77, 6, {Sight.SURFACE: 4}), (15, 77, 0, {Sight.THROUGH: 8})]
+    assert removed_of_last_part(parts).all()
+    assert not removed_features(street(parts), SETTINGS)[:-15].any()
 
 
 def test_a_hidden_car_stays() -> None:

@@ -50,40 +50,42 @@ def removed_features(seen: LookedFor, settings: DiffSettings) -> NDArray[np.bool
     """Mask (N,) of the features that are gone.
 
     A single miss says little: corners flicker, and some are never found again. A feature is gone when it was looked
-    for often enough, never matched, and either stereo sees through where it stood in most of those frames, or its
-    group - the instance it belongs to, or its neighbourhood - is missing as a whole while the rest of the map
-    matches. An instance leaves as a whole, so then all of its features go that do not match, and a surface in its
-    place is another vehicle; in the background a surface in its place is the old one in other light.
+    for often enough, (nearly) never matched, and either stereo sees through where it stood in most of those frames,
+    or its neighbourhood - those of the same instance around it - is missing as a whole while the rest of the map
+    matches. In the place of a missing vehicle a surface is another vehicle; in the background it is the old surface
+    in other light. An instance most of which is gone has gone as a whole.
     """
     looked_for = seen.matched + seen.missed
     judged = looked_for >= settings.min_visible_frames
-    if not judged.any():
-        return judged
-    match_ratio = np.count_nonzero(judged & (seen.matched > 0)) / np.count_nonzero(judged)
-    if match_ratio < settings.min_match_ratio:
+    found = seen.matched > settings.gone_match_ratio * looked_for
+    if not judged.any() or np.mean(found[judged]) < settings.min_match_ratio:
         return np.zeros(len(judged), np.bool_)
-    unmatched = seen.matched == 0
-    seen_through = judged & unmatched & (2 * seen.sights[:, Sight.THROUGH] > seen.missed)
-    absent_group = _absent_groups(_groups(seen, settings), judged, unmatched, settings)
     of_instance = seen.instance_key != 0
+    seen_through = 2 * seen.sights[:, Sight.THROUGH] > seen.missed
     surface = 2 * seen.sights[:, Sight.SURFACE] > seen.missed
-    gone = seen_through | (absent_group & unmatched & (of_instance | (judged & ~surface)))
-    return np.asarray(gone, dtype=np.bool_)
+    absent = _absent_neighbourhoods(seen, judged, settings) & (of_instance | ~surface)
+    gone = judged & ~found & (seen_through | absent)
+    return np.asarray(gone | (~found & _mostly(gone, judged, seen.instance_key)), dtype=np.bool_)
 
 
-def _groups(seen: LookedFor, settings: DiffSettings) -> NDArray[np.int64]:
-    """Group number (N,): one per instance, one per neighbourhood cell of the background."""
-    cells = np.floor(seen.position / settings.neighbourhood_m).astype(np.int64)
-    keys = np.concatenate([seen.instance_key.astype(np.int64)[:, None], cells], axis=1)
-    keys[seen.instance_key != 0, 1:] = 0
-    return np.asarray(np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1), dtype=np.int64)
+def _absent_neighbourhoods(seen: LookedFor, judged: NDArray[np.bool_], settings: DiffSettings) -> NDArray[np.bool_]:
+    """Mask (N,) of the features whose neighbourhood was looked for and matched in hardly any frame.
 
-
-def _absent_groups(
-    group: NDArray[np.int64], judged: NDArray[np.bool_], unmatched: NDArray[np.bool_], settings: DiffSettings
-) -> NDArray[np.bool_]:
-    """Mask (N,) of the members of groups that were looked for and are missing as a whole."""
-    n_judged = np.bincount(group, weights=judged)
-    n_matched = np.bincount(group, weights=~unmatched)
-    absent = (n_judged >= settings.min_group) & (n_matched <= settings.gone_match_ratio * n_judged)
+    The neighbourhood of an instance's feature is the part of the instance in its cell: ids of cars in a dense row may
+    have been mixed up, so an instance is not trusted to be one car.
+    """
+    cells = np.floor(seen.position[:, :2] / settings.neighbourhood_m).astype(np.int64)
+    keys = np.column_stack([seen.instance_key.astype(np.int64), cells])
+    group = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+    members = np.bincount(group, weights=judged)
+    matched = np.bincount(group, weights=seen.matched * judged)
+    missed = np.bincount(group, weights=seen.missed * judged)
+    absent = (members >= settings.min_group) & (matched <= settings.gone_match_ratio * (matched + missed))
     return np.asarray(absent[group], dtype=np.bool_)
+
+
+def _mostly(gone: NDArray[np.bool_], judged: NDArray[np.bool_], instance_key: NDArray[np.uint64]) -> NDArray[np.bool_]:
+    """Mask (N,) of the features of instances most of whose judged features are gone."""
+    group = np.unique(instance_key, return_inverse=True)[1]
+    mostly = 2 * np.bincount(group, weights=gone) > np.bincount(group, weights=judged)
+    return np.asarray(mostly[group] & (instance_key != 0))

@@ -15,9 +15,10 @@ class DiffSettings(BaseModel):
         min_localized_fraction: a window with fewer localized frames sends no removals.
         min_match_ratio: share of the features predicted visible that must match for a miss to mean anything; below
             it the light or the pose is to blame.
-        gone_match_ratio: a group of which at most this share matches has gone as a whole.
-        min_group: features that must be looked for before a group's absence counts.
-        neighbourhood_m: background features within a cell of this edge form a group.
+        gone_match_ratio: a feature that matches in at most this share of the frames is not there; so is a
+            neighbourhood.
+        min_group: features of a neighbourhood that must be looked for before its absence counts.
+        neighbourhood_m: edge of the cells that features are grouped by.
         min_found_static, min_found_vehicle: frames that must have matched a new feature. Cars are passed in 6 to 12
             frames, so theirs are few.
         max_depth_sigma_m: a new feature must have been seen near enough for its depth to be this certain.

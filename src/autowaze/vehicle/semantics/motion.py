@@ -82,10 +82,11 @@ class _Sighting:
 
 @dataclass
 class _Belief:
-    """Log odds of moving, velocity (2,) in m/s and when the instance was last seen."""
+    """Log odds of moving, velocity (2,) in m/s with its covariance (2, 2), and when the instance was last seen."""
 
     log_odds: float
     velocity: NDArray[np.float64]
+    covariance: NDArray[np.float64]
     last_seen: float
 
 
@@ -94,7 +95,7 @@ _PRIOR_LOG_ODDS = {ClassLabel.PERSON: 1.0, ClassLabel.ANIMAL: 1.0, ClassLabel.TW
 _PRIOR_LOG_ODDS_OTHERS = -1.0
 _MAX_LOG_ODDS, _MAX_STEP = 6.0, 3.0
 _GATE = 11.34  # chi-square, 3 degrees of freedom, 99 %
-_VELOCITY_GAIN = 0.5
+_ACCELERATION = 2.0  # m/s^2, standard deviation of what traffic does
 
 
 class MotionClassifier:
@@ -169,7 +170,9 @@ class MotionClassifier:
         """Start beliefs of new instances, forget those long gone, drop sightings too old to compare with."""
         for instance, label in zip(ids.tolist(), labels.tolist(), strict=True):
             prior = _PRIOR_LOG_ODDS.get(ClassLabel(label), _PRIOR_LOG_ODDS_OTHERS)
-            belief = self._beliefs.setdefault(instance, _Belief(prior, np.zeros(2), timestamp))
+            belief = self._beliefs.setdefault(
+                instance, _Belief(prior, np.zeros(2), np.eye(2) * self.settings.moving_mps**2, timestamp)
+            )
             belief.last_seen = timestamp
         horizon = timestamp - self.settings.forget_s
         self._beliefs = {i: b for i, b in self._beliefs.items() if b.last_seen >= horizon}
@@ -215,12 +218,14 @@ class MotionClassifier:
         factor = _log_normal(velocity, P + np.eye(2) * s.moving_mps**2) - _log_normal(
             velocity, P + np.eye(2) * s.still_mps**2
         )
-        previous = self._sightings[-1].timestamp
+        elapsed = timestamp - self._sightings[-1].timestamp
         # Spans of successive frames overlap: each brings only its own share of news.
-        step = np.clip(factor * min((timestamp - previous) / span, 1.0), -_MAX_STEP, _MAX_STEP)
+        step = np.clip(factor * min(elapsed / span, 1.0), -_MAX_STEP, _MAX_STEP)
         belief.log_odds = float(np.clip(belief.log_odds + step, -_MAX_LOG_ODDS, _MAX_LOG_ODDS))
-        known = bool(belief.velocity.any())
-        belief.velocity = belief.velocity + (_VELOCITY_GAIN if known else 1.0) * (velocity - belief.velocity)
+        drifted = belief.covariance + np.eye(2) * (_ACCELERATION * elapsed) ** 2
+        gain = drifted @ np.linalg.inv(drifted + P)
+        belief.velocity = belief.velocity + gain @ (velocity - belief.velocity)
+        belief.covariance = drifted - gain @ drifted
 
 
 def _consensus(

@@ -13,6 +13,8 @@ _POINTS_PER_INSTANCE = 30
 _MIN_POINTS = 4
 _WINDOW_PX, _LEVELS = 15, 3  # follows about 60 px of motion
 _MAX_RETURN_PX = 1.0  # a point tracked there and back again must come home
+_MIN_FOLLOWED = 0.3  # of an instance's points
+_MAX_DISAGREEMENT_PX = 4.0  # the near end of a car moves faster than the far end
 _CONFIDENCE_KEPT = 0.97  # per frame without a look
 
 
@@ -32,9 +34,9 @@ def propagate(detections: Detections, before: Image, after: Image) -> Detections
     out.mask = np.zeros_like(detections.mask)
     kept = np.zeros(len(detections), np.bool_)
     for i in range(len(detections)):
-        mine = followed & (owner == i)
-        if np.count_nonzero(mine) >= _MIN_POINTS:
-            similarity = _scale_and_shift(points[mine], moved[mine])
+        mine = owner == i
+        similarity = _scale_and_shift(points[mine & followed], moved[mine & followed], int(np.count_nonzero(mine)))
+        if similarity is not None:
             kept[i] = _move(detections.mask[i], detections.box[i], similarity, out.mask[i], out.box[i])
     return out[kept]
 
@@ -63,14 +65,21 @@ def _follow(points: NDArray[np.float32], before: Image, after: Image) -> tuple[N
     return np.asarray(moved, np.float32), returned & (there.ravel() > 0) & (back.ravel() > 0)
 
 
-def _scale_and_shift(before: NDArray[np.float32], after: NDArray[np.float32]) -> tuple[float, float, float]:
-    """Scale s and shift (x, y) with after = s before + shift, from medians."""
+def _scale_and_shift(
+    before: NDArray[np.float32], after: NDArray[np.float32], n_points: int
+) -> tuple[float, float, float] | None:
+    """Scale s and shift (x, y) with after = s before + shift, from medians; None unless most points agree."""
+    if len(before) < max(_MIN_POINTS, _MIN_FOLLOWED * n_points):
+        return None
     centre_before, centre_after = np.median(before, axis=0), np.median(after, axis=0)
     spread_before = np.abs(before - centre_before).sum(axis=1)
     spread_after = np.abs(after - centre_after).sum(axis=1)
     far = spread_before > np.median(spread_before) * 0.5
     scale = float(np.clip(np.median(spread_after[far] / np.maximum(spread_before[far], 1e-3)), 0.8, 1.25))
     shift = centre_after - scale * centre_before
+    error = np.linalg.norm(scale * before + shift - after, axis=1)
+    if np.median(error) > _MAX_DISAGREEMENT_PX:
+        return None
     return scale, float(shift[0]), float(shift[1])
 
 

@@ -61,17 +61,17 @@ def illuminate(light: Light, latitude_deg: float, exposure: float, rng: np.rando
     warmth = float(np.exp(-3.5 * height))
     sun = np.array([1.0, 0.96 - 0.22 * warmth, 0.88 - 0.50 * warmth]) * (1.75 - 0.5 * warmth)
     sky = np.array([0.31, 0.36, 0.45]) * (0.70 + 0.35 * height)
-    clouds, haze_per_m, night = float(rng.uniform(0.1, 0.5)), 0.0018, 0.0
+    clouds, haze_per_m, night = float(rng.uniform(0.1, 0.5)), 0.0009, 0.0
     haze = np.array([0.62, 0.70, 0.80])
     if light.weather == "hazy":
-        sun, sky, clouds, haze_per_m = 0.62 * sun, 1.15 * sky + 0.05, 0.75, 0.0042
+        sun, sky, clouds, haze_per_m = 0.62 * sun, 1.15 * sky + 0.05, 0.75, 0.0028
         haze = np.array([0.72, 0.75, 0.78])
     elif light.weather == "overcast":
-        sun, clouds, haze_per_m = 0.0 * sun, 1.0, 0.0032
+        sun, clouds, haze_per_m = 0.0 * sun, 1.0, 0.0018
         sky = np.array([0.86, 0.90, 0.96]) * float(rng.uniform(0.85, 1.05))
         haze = np.array([0.70, 0.74, 0.78])
     elif light.weather == "dusk":
-        sun, clouds, haze_per_m, night = 0.0 * sun, 0.6, 0.0030, 1.0
+        sun, clouds, haze_per_m, night = 0.0 * sun, 0.6, 0.0020, 1.0
         sky, haze = np.array([0.20, 0.24, 0.36]), np.array([0.34, 0.33, 0.40])
     ground = 0.42 * sky * [1.0, 0.96, 0.90] + 0.13 * sun * height
     gain = {"clear": 1.0, "hazy": 1.05, "overcast": 1.05, "dusk": 2.1}[light.weather] * exposure

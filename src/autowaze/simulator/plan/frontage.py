@@ -18,7 +18,7 @@ _SMALLEST_M = 5.0
 
 def build_frontages(scene: Scene, plan: StreetPlan, rng: np.random.Generator) -> None:
     """Fill private ground along every frontage."""
-    taken: Area = plan.asphalt.union(plan.pavement).buffer(-0.3)
+    taken: Area = plan.asphalt.union(plan.pavement).buffer(-0.95)
     driveways = [
         road.centre.beside(s, side * road.building_line_m(side)) for road in plan.roads for s, side in road.driveways
     ]

@@ -23,6 +23,8 @@ _APPROACH_M = 48.0
 _CLEAR_OF_CROSSING_M = 12.5
 _CORNER_RADIUS_M = 5.0
 _LANE_CENTRE_M = LANE_M / 2
+_UNDER_WALLS_M = 0.6
+"""How far paving runs on under the buildings, so that no grass shows at their foot."""
 
 
 @dataclass(frozen=True)
@@ -284,7 +286,7 @@ def _pavement(roads: list[Road], asphalt: Area, lot: bool) -> Area:
     if lot:
         return asphalt.buffer(2.0, join_style="mitre").difference(asphalt)  # type: ignore[no-any-return]
     bands = [
-        road.strip(-LANE_M, road.building_line_m(side), 0.0, road.centre.length, side)
+        road.strip(-LANE_M, road.building_line_m(side) + _UNDER_WALLS_M, 0.0, road.centre.length, side)
         for road in roads
         for side in (1, -1)
     ]

@@ -57,11 +57,11 @@ def paint_paving(rng: np.random.Generator, size: int = 1024) -> NDArray[np.uint8
 
 def paint_kerb(rng: np.random.Generator) -> NDArray[np.uint8]:
     """Kerbstones one metre long; tiles along."""
-    field = 150 + 9 * grain(rng, 64, 512) + 6 * layered_noise(rng, 64, 512, 4, 4)
+    field = 128 + 13 * grain(rng, 64, 512, 0.7) + 11 * layered_noise(rng, 64, 512, 4, 5)
     field[:, :3] -= 60
     field[:, 256:259] -= 60
     field[-6:] -= 35
-    return opaque(field, (1.0, 0.985, 0.95))
+    return opaque(field, (1.0, 0.975, 0.92))
 
 
 def paint_grass(rng: np.random.Generator, size: int = 768) -> NDArray[np.uint8]:

@@ -51,7 +51,7 @@ def paint_surroundings(
         * rng.uniform(0.4, 1.2, (steps, 1))
         * (np.array(light.sky) + 0.35 * np.array(light.sun))
     )
-    wall = walls[index] * np.where((np.floor(elevation * 18) + np.floor(around * 26)) % 2 > 0.5, 1.0, 0.72)[..., None]
+    wall = walls[index] * np.where((np.floor(elevation * 18) + np.floor(around * 26)) % 2 > 0.5, 1.0, 0.86)[..., None]
     colour = np.where((elevation < roof)[..., None], wall, colour)
     street = np.array(light.ground) * 0.42
     colour = np.where((elevation < 0.02)[..., None], street, colour)

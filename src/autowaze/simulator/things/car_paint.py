@@ -15,7 +15,7 @@ from autowaze.simulator.things.car_body import Loft, atlas_uv
 Colour = tuple[int, int, int, int]
 
 PAINT: Colour = (250, 250, 250, TINTED)
-_SEAM: Colour = (72, 72, 72, TINTED)
+_SEAM: Colour = (96, 96, 96, TINTED)
 _CREASE: Colour = (255, 255, 255, TINTED)
 _HANDLE: Colour = (190, 190, 190, TINTED)
 _PANE: Colour = (20, 24, 28, GLASS)
@@ -49,11 +49,22 @@ class CarPainter:
         """Stroke; thickness in texels."""
         cv2.polylines(self.texture, [self._pixels(region, points)], False, colour, thickness, cv2.LINE_8, 4)
 
-    def ellipse(self, region: str, centre: tuple[float, float], radii: tuple[float, float], colour: Colour) -> None:
-        """Fill an ellipse."""
+    def ellipse(
+        self,
+        region: str,
+        centre: tuple[float, float],
+        radii: tuple[float, float],
+        colour: Colour,
+        over: tuple[Colour, ...] = (),
+    ) -> None:
+        """Fill an ellipse, only where one of some colours lies if there are any."""
         angle = np.linspace(0, 2 * np.pi, 28)
         points = np.stack([centre[0] + radii[0] * np.cos(angle), centre[1] + radii[1] * np.sin(angle)], -1)
+        before = self.texture.copy() if over else self.texture
         self.polygon(region, [(float(a), float(b)) for a, b in points], colour)
+        if over:
+            covers = np.any([(before == c).all(axis=2) for c in over], axis=0)
+            self.texture[~covers] = before[~covers]
 
     def _pixels(self, region: str, points: Sequence[tuple[float, float]]) -> NDArray[np.int32]:
         flat = np.array(points, np.float64)
@@ -151,8 +162,9 @@ def _paint_side_windows(p: CarPainter) -> None:
         p.polygon("side", _curve(x[m], upper[m]) + _curve(x[m][::-1], band[::-1]), _PANE_LIGHT)
         seat = float(x[m].mean()) - 0.18
         z = float(lower[m].mean())
-        p.ellipse("side", (seat, z + 0.08), (0.11, 0.16), _SEAT)
-        p.ellipse("side", (seat - 0.03, z + 0.27), (0.07, 0.08), _SEAT)
+        if m.sum() * (x[1] - x[0]) > 0.55:
+            p.ellipse("side", (seat, z + 0.08), (0.11, 0.16), _SEAT, over=(_PANE, _PANE_LIGHT))
+            p.ellipse("side", (seat - 0.03, z + 0.27), (0.07, 0.08), _SEAT, over=(_PANE, _PANE_LIGHT))
 
 
 def _paint_top(p: CarPainter) -> None:
@@ -285,8 +297,8 @@ def _paint_rear(p: CarPainter, rng: np.random.Generator) -> None:
             ],
             _REVERSING,
         )
-    p.line("rear", [(-w * 0.8, tail - 0.30), (w * 0.8, tail - 0.30)], _SEAM, 2)
-    p.line("rear", [(-w * 0.9, 0.50), (w * 0.9, 0.50)], _SEAM, 2)
+    p.line("rear", [(-w * 0.8, tail - 0.34), (w * 0.8, tail - 0.34)], _SEAM, 1)
+    p.line("rear", [(-w * 0.9, 0.54), (w * 0.9, 0.54)], _SEAM, 1)
     p.polygon("rear", [(-0.28, tail - 0.04), (0.28, tail - 0.04), (0.28, tail - 0.06), (-0.28, tail - 0.06)], _CHROME)
     p.ellipse("rear", (0.0, tail - 0.02), (0.05, 0.045), _CHROME)
     _paint_plate(p, "rear", (tail - 0.11) if rng.random() < 0.6 else 0.64, rng)

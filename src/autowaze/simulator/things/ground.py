@@ -62,15 +62,13 @@ def _kerbs(asphalt: Area, lowered: list[NDArray[np.float64]]) -> Mesh:
     for polygon in getattr(asphalt, "geoms", [asphalt]):
         for ring in (polygon.exterior, *polygon.interiors):
             line = np.array(shapely.segmentize(ring, 1.0).coords)
-            strips.append(_kerb_strip(line, lowered))
+            # the road shall lie to the right
+            clockwise = not ring.is_ccw
+            strips.append(_kerb_strip(line if clockwise == (ring is polygon.exterior) else line[::-1], lowered))
     return Mesh.concatenate(strips)
 
 
 def _kerb_strip(line: NDArray[np.float64], lowered: list[NDArray[np.float64]]) -> Mesh:
-    area = Polygon(line)
-    if area.exterior.is_ccw:
-        line = line[::-1]
-    # clockwise round the asphalt: it lies to the right, the kerb to the left
     step = np.diff(line, axis=0)
     length = np.linalg.norm(step, axis=1)
     keep = length > 1e-6
@@ -81,32 +79,20 @@ def _kerb_strip(line: NDArray[np.float64], lowered: list[NDArray[np.float64]]) -
         top = np.minimum(top, np.clip(0.02 + (away - DRIVEWAY_M / 2) * 0.15, 0.02, KERB_M + 0.003))
     za, zb = top[:-1][keep], top[1:][keep]
     outwards = np.stack([-step[:, 1], step[:, 0]], -1) / length[:, None]
-    s = np.concatenate([[0.0], np.cumsum(length)])
-    zero = np.zeros(len(a))
     back_a, back_b = a + 0.13 * outwards, b + 0.13 * outwards
-    face = np.stack(
-        [np.column_stack([b, zero]), np.column_stack([a, zero]), np.column_stack([a, za]), np.column_stack([b, zb])], 1
-    )
-    cap = np.stack(
-        [
-            np.column_stack([b, zb]),
-            np.column_stack([a, za]),
-            np.column_stack([back_a, za]),
-            np.column_stack([back_b, zb]),
-        ],
-        1,
-    )
-    uv_face = np.stack(
-        [
-            np.stack([s[1:], zero + 1], -1),
-            np.stack([s[:-1], zero + 1], -1),
-            np.stack([s[:-1], zero + 0.6], -1),
-            np.stack([s[1:], zero + 0.6], -1),
-        ],
-        1,
-    )
-    uv_cap = uv_face - [0.0, 0.45]
-    return quads(np.concatenate([face, cap]), np.concatenate([uv_face, uv_cap]))
+    s = np.concatenate([[0.0], np.cumsum(length)])
+
+    def at(points: NDArray[np.float64], z: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.column_stack([points, z])
+
+    def strip_uv(near: float, far: float) -> NDArray[np.float64]:
+        ends = [(s[:-1], near), (s[1:], near), (s[1:], far), (s[:-1], far)]
+        return np.stack([np.stack([u, np.full(len(u), v)], -1) for u, v in ends], 1)
+
+    zero = np.zeros(len(a))
+    face = np.stack([at(a, zero), at(b, zero), at(b, zb), at(a, za)], 1)
+    cap = np.stack([at(a, za), at(b, zb), at(back_b, zb), at(back_a, za)], 1)
+    return quads(np.concatenate([face, cap]), np.concatenate([strip_uv(1.0, 0.6), strip_uv(0.55, 0.1)]))
 
 
 def _add_markings(scene: Scene, plan: StreetPlan) -> None:

@@ -13,11 +13,14 @@ layout(location = 0) out vec4 out_colour;
 float luma(vec3 colour) { return dot(colour, vec3(0.299, 0.587, 0.114)); }
 
 vec3 antialiased(vec2 q) {
-    vec3 middle = texture(picture, q).rgb;
-    float a = luma(texture(picture, q + texel * vec2(-1.0, -1.0)).rgb);
-    float b = luma(texture(picture, q + texel * vec2(1.0, -1.0)).rgb);
-    float c = luma(texture(picture, q + texel * vec2(-1.0, 1.0)).rgb);
-    float d = luma(texture(picture, q + texel).rgb);
+    ivec2 here = ivec2(q / texel);
+    ivec2 last = textureSize(picture, 0) - 1;
+    vec3 middle = texelFetch(picture, here, 0).rgb;
+    ivec2 low_corner = max(here - 1, ivec2(0)), high_corner = min(here + 1, last);
+    float a = luma(texelFetch(picture, low_corner, 0).rgb);
+    float b = luma(texelFetch(picture, ivec2(high_corner.x, low_corner.y), 0).rgb);
+    float c = luma(texelFetch(picture, ivec2(low_corner.x, high_corner.y), 0).rgb);
+    float d = luma(texelFetch(picture, high_corner, 0).rgb);
     float m = luma(middle);
     float low = min(m, min(min(a, b), min(c, d)));
     float high = max(m, max(max(a, b), max(c, d)));

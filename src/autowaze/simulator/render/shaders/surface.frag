@@ -31,9 +31,9 @@ layout(location = 1) out uint out_id;
 
 const float PARABOLOID_REACH = 1.25;
 
-vec3 mirrored(vec3 direction) {
+vec3 mirrored(vec3 direction, float blur) {
     vec2 at = direction.xy / (1.0 + max(direction.z, -0.15)) / (2.0 * PARABOLOID_REACH) + 0.5;
-    vec3 encoded = texture(surroundings, at).rgb;
+    vec3 encoded = texture(surroundings, at, blur).rgb;
     return encoded * encoded * 2.0;
 }
 
@@ -42,8 +42,8 @@ float sunlit(float facing) {
     vec3 p = sun_position;
     p.z -= 0.0006 + 0.0012 * (1.0 - facing);
     float d = 0.6 * shadow_texel;
-    float lit = 0.25 * (texture(static_shadow, p + vec3(d, d, 0.0)) + texture(static_shadow, p + vec3(-d, d, 0.0))
-                      + texture(static_shadow, p + vec3(d, -d, 0.0)) + texture(static_shadow, p + vec3(-d, -d, 0.0)));
+    // two taps, each of them a filtered two by two
+    float lit = 0.5 * (texture(static_shadow, p + vec3(d, 0.5 * d, 0.0)) + texture(static_shadow, p - vec3(d, 0.5 * d, 0.0)));
     if (moving_shadow_on > 0.5) {
         vec3 q = moving_sun_position;
         if (all(greaterThan(q.xy, vec2(0.0))) && all(lessThan(q.xy, vec2(1.0))))
@@ -53,7 +53,8 @@ float sunlit(float facing) {
 }
 
 vec3 film(vec3 light) {
-    return sqrt(1.0 - exp(-1.5 * exposure * light));
+    vec3 shown = sqrt(1.0 - exp(-1.5 * exposure * light));
+    return mix(shown, shown * shown * (3.0 - 2.0 * shown), 0.45);
 }
 
 void main() {
@@ -103,7 +104,7 @@ void main() {
         float g2 = grazing * grazing;
         float fresnel = 0.04 + 0.96 * g2 * g2 * grazing;
         float strength = clamp(fresnel * max(mirror, 0.55 * wet) * 1.25, 0.0, 1.0);
-        light = mix(light, mirrored(reflected) * (0.35 + 0.65 * tint.a), strength);
+        light = mix(light, mirrored(reflected, 4.5 * wet) * (0.35 + 0.65 * tint.a), strength);
         float spark = max(dot(reflected, to_sun), 0.0);
         spark *= spark; spark *= spark; spark *= spark; spark *= spark; spark *= spark; spark *= spark;
         light += sun * (spark * lit * (1.6 * mirror * mirror + 0.6 * wet));

@@ -7,7 +7,7 @@ import pytest
 from street import Car, Street
 from test_thesis_method import groups_of
 
-from autowaze.cloud.belief import Belief, Evidence, aged, believe
+from autowaze.cloud.belief import Evidence, aged, believe, fade
 from autowaze.cloud.grouping import split_in_space
 from autowaze.cloud.merging import merge_boxes
 from autowaze.cloud.methods import FUSED
@@ -130,7 +130,8 @@ def test_belief_fades_to_even_odds():
     later = aged(state, 600.0)
     assert state.probability_vacant < later.probability_vacant < 0.5
     assert aged(state, 24 * 3600.0).occupancy is Occupancy.UNKNOWN
-    assert np.isclose(Belief(-3.0, 0.0).at(1e9).probability_vacant, 0.5)
+    assert np.isclose(fade(-3.0, 1e9), 0.0)
+    assert np.isclose(fade(-3.0, 0.0), -3.0)
 
 
 def test_evidence_counts_in_the_order_of_observation():

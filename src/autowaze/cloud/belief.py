@@ -8,8 +8,6 @@ on the set of diffs alone, not on the order of their arrival.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import reduce
 from typing import NamedTuple
 
 from autowaze.world.parking import Occupancy, SpotState
@@ -36,31 +34,10 @@ class Evidence(NamedTuple):
     reason: str
 
 
-@dataclass(frozen=True)
-class Belief:
-    """Log-odds of being occupied, as of a time; even odds before any evidence."""
-
-    log_odds: float = 0.0
-    as_of: float = -math.inf
-
-    def at(self, time: float) -> Belief:
-        """The belief faded to a later time."""
-        if not math.isfinite(self.as_of) or time <= self.as_of:
-            return replace(self, as_of=max(time, self.as_of))
-        kept = math.exp(-2.0 * (time - self.as_of) / DWELL_S)
-        lean = math.tanh(self.log_odds / 2.0) * kept
-        return Belief(math.log1p(lean) - math.log1p(-lean), time)
-
-    def with_evidence(self, evidence: Evidence) -> Belief:
-        """The belief after evidence that is no older than it."""
-        faded = self.at(evidence.observed_at)
-        log_odds = min(max(faded.log_odds + evidence.log_odds, -MOST_LOG_ODDS), MOST_LOG_ODDS)
-        return replace(faded, log_odds=log_odds)
-
-    @property
-    def probability_vacant(self) -> float:
-        """0..1."""
-        return 1.0 / (1.0 + math.exp(self.log_odds))
+def fade(log_odds: float, elapsed_s: float) -> float:
+    """Log-odds after a time without evidence."""
+    lean = math.tanh(log_odds / 2.0) * math.exp(-2.0 * max(elapsed_s, 0.0) / DWELL_S)
+    return math.log1p(lean) - math.log1p(-lean)
 
 
 def believe(spot_id: str, evidence: list[Evidence], memory: bool = True) -> SpotState:
@@ -71,22 +48,24 @@ def believe(spot_id: str, evidence: list[Evidence], memory: bool = True) -> Spot
     newest = ordered[-1].observed_at
     if not memory:
         ordered = [item for item in ordered if item.observed_at == newest]
-    belief = reduce(Belief.with_evidence, ordered, Belief())
+    log_odds, as_of = 0.0, ordered[0].observed_at
+    for item in ordered:
+        log_odds = fade(log_odds, item.observed_at - as_of) + item.log_odds
+        log_odds, as_of = min(max(log_odds, -MOST_LOG_ODDS), MOST_LOG_ODDS), item.observed_at
     said = "; ".join(item.reason for item in ordered if item.observed_at == newest)
-    return _state(spot_id, belief, newest, said)
+    return _state(spot_id, log_odds, newest, said)
 
 
 def aged(state: SpotState, now: float) -> SpotState:
     """A state as it is believed at a later time: what nobody has looked at for long is unknown again."""
     if state.observed_at is None:
         return state
-    vacant = min(max(state.probability_vacant, 1e-9), 1.0 - 1e-9)
-    belief = Belief(math.log1p(-vacant) - math.log(vacant), state.observed_at).at(now)
-    return _state(state.spot_id, belief, state.observed_at, state.evidence)
+    log_odds = math.log1p(-state.probability_vacant) - math.log(state.probability_vacant)
+    return _state(state.spot_id, fade(log_odds, now - state.observed_at), state.observed_at, state.evidence)
 
 
-def _state(spot_id: str, belief: Belief, observed_at: float, evidence: str) -> SpotState:
-    vacant = belief.probability_vacant
+def _state(spot_id: str, log_odds: float, observed_at: float, evidence: str) -> SpotState:
+    vacant = 1.0 / (1.0 + math.exp(log_odds))
     occupancy = Occupancy.UNKNOWN
     if vacant >= DECIDED:
         occupancy = Occupancy.VACANT

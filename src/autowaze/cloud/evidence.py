@@ -6,8 +6,6 @@ position, a wrong ground plane) are common to all of them.
 
 from __future__ import annotations
 
-from itertools import groupby
-
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -21,8 +19,6 @@ from autowaze.world.vehicles import VehicleBoxes
 
 PASS_GAP_S = 30.0
 """Windows of a session that are closer in time belong to one pass."""
-MARGIN_M = 0.35
-"""Along its edges a spot is not looked at: that far a car may be off, and its neighbours lean over."""
 MOST_LOG_ODDS = 5.0
 
 # A spike on real drives: occupied spots had >= 0.19 of their cells obstacle, vacant ones <= 0.10 and >= 0.90 free.
@@ -55,14 +51,15 @@ def evidence_of(
         if position < len(spots) and spots[position] == spot:
             found[position].append(_from_vehicle(vehicles, row, item))
     for spot, items in zip(spots.tolist(), found, strict=True):
-        items.extend(_of_ground(spot, index, votes.windows(spot), ground))
+        items.extend(_of_ground(votes.windows(spot), index.raster(spot).core, ground))
     return found
 
 
 def _of_vehicles(vehicles: VehicleBoxes, index: SpotIndex) -> list[tuple[int, int, float]]:
     """(vehicle, spot, share of the vehicle in it) of each vehicle and the spot that it overlaps most."""
-    row, spot = index.overlapping(vehicles.polygons)
-    common = shapely.area(shapely.intersection(vehicles.polygons[row], index.polygons[spot]))
+    footprints = vehicles.polygons
+    row, spot = index.overlapping(footprints)
+    common = shapely.area(shapely.intersection(footprints[row], index.polygons[spot]))
     share = common / (vehicles.length * vehicles.width)[row]
     order = np.lexsort((spot, -share, row))
     best = order[np.unique(row[order], return_index=True)[1]]
@@ -77,47 +74,36 @@ def _from_vehicle(vehicles: VehicleBoxes, row: int, share: float) -> Evidence:
     return Evidence(float(vehicles.seen_at[row]), log_odds, reason)
 
 
-def _of_ground(spot: int, index: SpotIndex, windows: list[WindowVotes], ground: bool) -> list[Evidence]:
+def _of_ground(windows: list[WindowVotes], core: NDArray[np.bool_], ground: bool) -> list[Evidence]:
     """One piece of evidence per pass."""
-    core = _core(spot, index)
-    return [_from_pass(one_pass, core, ground) for one_pass in _passes(windows)]
-
-
-def _core(spot: int, index: SpotIndex) -> NDArray[np.bool_]:
-    """Which cells (C,) of the spot's raster lie off its edges."""
-    offset = index.raster(spot)[1]
-    along = np.array([np.sin(index.heading[spot]), np.cos(index.heading[spot])])
-    aside = np.abs(offset @ np.array([along[1], -along[0]]))
-    inside = np.abs(offset @ along) <= index.length[spot] / 2 - MARGIN_M
-    return np.asarray(inside & (aside <= index.width[spot] / 2 - MARGIN_M))
-
-
-def _passes(windows: list[WindowVotes]) -> list[list[WindowVotes]]:
-    """Windows split into passes: of one session, with no long gap."""
-    passes: list[list[WindowVotes]] = []
-    by_session = sorted(windows, key=lambda w: (w.session, w.end, w.sequence))
-    for _, of_session in groupby(by_session, key=lambda w: w.session):
-        one_pass: list[WindowVotes] = []
-        for window in of_session:
-            if one_pass and window.end - one_pass[-1].end > PASS_GAP_S:
-                passes.append(one_pass)
-                one_pass = []
-            one_pass.append(window)
-        passes.append(one_pass)
-    return passes
-
-
-def _from_pass(windows: list[WindowVotes], core: NDArray[np.bool_], ground: bool) -> Evidence:
-    free = np.sum([window.free[core] for window in windows], axis=0, dtype=np.int64)
-    obstacle = np.sum([window.obstacle[core] for window in windows], axis=0, dtype=np.int64)
-    obstacle_share = float(np.mean((obstacle > 0) & (obstacle >= free)))
-    free_share = float(np.mean(free > obstacle))
-    seen = obstacle_share + free_share
+    if not windows:
+        return []
+    windows = sorted(windows, key=lambda w: (w.session, w.end, w.sequence))
+    starts = _pass_starts(windows)
+    free = np.add.reduceat(np.array([w.free for w in windows], np.int64)[:, core], starts)
+    obstacle = np.add.reduceat(np.array([w.obstacle for w in windows], np.int64)[:, core], starts)
+    sigma = np.maximum.reduceat([w.sigma_m for w in windows], starts)
+    free_share = np.mean(free > obstacle, axis=1)
+    obstacle_share = np.mean((obstacle > 0) & (obstacle >= free), axis=1)
+    seen = free_share + obstacle_share
     log_odds = -seen
     if ground:
         log_odds = LOG_ODDS_PER_OBSTACLE_SHARE * (obstacle_share - OBSTACLE_SHARE_EVEN * seen)
-        log_odds -= LOG_ODDS_PER_FREE_SHARE * max(free_share - FREE_SHARE_EVEN, 0.0)
-    sigma = float(np.mean([window.sigma_m for window in windows]))
-    trust = 1.0 / (1.0 + (sigma / POSITION_SIGMA_M) ** 2)
-    log_odds = trust * min(max(log_odds, -MOST_LOG_ODDS), MOST_LOG_ODDS)
-    return Evidence(windows[-1].end, log_odds, f"ground {free_share:.0%} free, {obstacle_share:.0%} obstacle")
+        log_odds -= LOG_ODDS_PER_FREE_SHARE * np.maximum(free_share - FREE_SHARE_EVEN, 0.0)
+    log_odds = np.clip(log_odds, -MOST_LOG_ODDS, MOST_LOG_ODDS) / (1.0 + (sigma / POSITION_SIGMA_M) ** 2)
+    ends = (windows[last - 1].end for last in [*starts[1:], len(windows)])
+    columns = (log_odds.tolist(), free_share.tolist(), obstacle_share.tolist())
+    return [
+        Evidence(end, odds, f"ground {free_part:.0%} free, {obstacle_part:.0%} obstacle")
+        for end, odds, free_part, obstacle_part in zip(ends, *columns, strict=True)
+    ]
+
+
+def _pass_starts(windows: list[WindowVotes]) -> list[int]:
+    """First window of each pass, windows sorted by session and time: a pass is of one session, with no long gap."""
+    starts = [0]
+    for row in range(1, len(windows)):
+        before, window = windows[row - 1], windows[row]
+        if window.session != before.session or window.end - before.end > PASS_GAP_S:
+            starts.append(row)
+    return starts

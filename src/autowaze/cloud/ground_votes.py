@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from autowaze.cloud.spots import SpotIndex, cell_codes, cells_of_codes
+from autowaze.cloud.spots import SpotIndex, cell_codes
 from autowaze.world.ground import CELL_M, GroundCells
 from autowaze.world.map_diff import SemanticMapDiff
 
-MAX_WINDOWS = 16
+MAX_WINDOWS = 8
 """Windows kept per spot, the newest; which ones does not depend on the order of arrival."""
-_BLOCK_CELLS = 16
+_BLOCK_CELLS = 32
 
 
 class WindowVotes(NamedTuple):
@@ -48,7 +48,7 @@ class GroundVotes:
         candidates = self._spots_near(diff.ground)
         if len(candidates) == 0:
             return candidates
-        rasters = [self._spots.raster(spot)[0] for spot in candidates.tolist()]
+        rasters = [self._spots.raster(spot).codes for spot in candidates.tolist()]
         free, obstacle = _look_up(diff.ground, np.concatenate(rasters))
         seen = []
         start = 0
@@ -74,9 +74,14 @@ class GroundVotes:
         self._windows[spot] = sorted(kept, key=lambda w: w.key)[-MAX_WINDOWS:]
 
     def _spots_near(self, ground: GroundCells) -> NDArray[np.int64]:
-        """Spots (N,) that the blocks of 4 m around the cells touch, sorted: no more work than there are cells."""
-        blocks = np.unique(cell_codes(ground.ix // _BLOCK_CELLS, ground.iy // _BLOCK_CELLS))
-        low = np.stack(cells_of_codes(blocks), axis=1) * (_BLOCK_CELLS * CELL_M)
+        """Spots (N,) that the blocks of 8 m around the cells touch, sorted: no more work than there are cells."""
+        if len(ground) == 0:
+            return np.zeros(0, np.int64)
+        bx, by = ground.ix // _BLOCK_CELLS, ground.iy // _BLOCK_CELLS
+        x0, y0 = int(bx.min()), int(by.min())
+        is_seen = np.zeros((int(bx.max()) - x0 + 1, int(by.max()) - y0 + 1), np.bool_)
+        is_seen[bx - x0, by - y0] = True
+        low = (np.argwhere(is_seen) + np.array([x0, y0])) * (_BLOCK_CELLS * CELL_M)
         return self._spots.touching(low, low + _BLOCK_CELLS * CELL_M)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -12,7 +13,20 @@ from autowaze.world.ground import CELL_M
 from autowaze.world.parking import ParkingMap
 
 _CODE_SHIFT = 32
-_IY_MASK, _IY_SIGN = (1 << _CODE_SHIFT) - 1, 1 << (_CODE_SHIFT - 1)
+MARGIN_M = 0.35
+"""Along the edges of a spot the ground says little: a car may be off that far, and vehicles next door lean over."""
+
+
+class SpotRaster(NamedTuple):
+    """The ground cells of one spot.
+
+    Attributes:
+        codes: (C,) int64 ascending, `cell_codes` of the cells whose centres lie in the spot.
+        core: (C,) bool, those that lie off its edges by the margin.
+    """
+
+    codes: NDArray[np.int64]
+    core: NDArray[np.bool_]
 
 
 class SpotIndex:
@@ -70,24 +84,18 @@ class SpotIndex:
         found[row[order]] = spot[order]
         return found
 
-    def _raster(self, spot: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Ground cells of one spot: sorted codes (C,), and centres (C, 2) relative to the spot's centre, metres."""
+    def _raster(self, spot: int) -> SpotRaster:
         x0, y0, x1, y1 = np.floor(np.array(self.polygons[spot].bounds) / CELL_M).astype(np.int64)
-        ix, iy = (axis.ravel() for axis in np.meshgrid(np.arange(x0, x1 + 1), np.arange(y0, y1 + 1), indexing="ij"))
-        centres = (np.stack([ix, iy], axis=1) + 0.5) * CELL_M
-        inside = shapely.contains_xy(self.polygons[spot], centres)
-        return cell_codes(ix[inside], iy[inside]), centres[inside] - self.centre[spot]
+        ix, iy = (axis.ravel() for axis in np.meshgrid(np.arange(x0, x1 + 1), np.arange(y0, y1 + 1), indexing="xy"))
+        x, y = (ix + 0.5) * CELL_M, (iy + 0.5) * CELL_M
+        inside = shapely.contains_xy(self.polygons[spot], x, y)
+        core = shapely.contains_xy(shapely.buffer(self.polygons[spot], -MARGIN_M), x[inside], y[inside])
+        return SpotRaster(cell_codes(ix[inside], iy[inside]), core if core.any() else np.ones_like(core))
 
 
 def cell_codes(ix: NDArray[np.integer], iy: NDArray[np.integer]) -> NDArray[np.int64]:
-    """One number (N,) per ground cell, ascending with ix, then iy."""
-    return (np.asarray(ix, dtype=np.int64) << _CODE_SHIFT) + np.asarray(iy, dtype=np.int64)
-
-
-def cells_of_codes(codes: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """ix and iy (N,) of cell codes."""
-    iy = ((codes & _IY_MASK) ^ _IY_SIGN) - _IY_SIGN
-    return (codes - iy) >> _CODE_SHIFT, iy
+    """One number (N,) per ground cell, ascending in the order in which cells come over the wire: by iy, then ix."""
+    return (np.asarray(iy, dtype=np.int64) << _CODE_SHIFT) + np.asarray(ix, dtype=np.int64)
 
 
 def _rectangles(polygons: NDArray[np.object_]) -> list[NDArray[np.float64]]:

@@ -1,0 +1,118 @@
+"""What a diff costs the cloud, on one street and in a city: `python -m benchmarks.cloud [--city] [--cpu]`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from shapely.affinity import translate
+
+from autowaze.cloud.service import CloudService
+from autowaze.world.feature_map import FeatureMap, MapFeatures
+from autowaze.world.identity import MAX_FEATURES_PER_DIFF, feature_ids
+from autowaze.world.map_diff import SemanticMapDiff
+from autowaze.world.parking import ParkingMap
+from autowaze.world.stage_times import StageTimes
+from autowaze.world.wire import decode_diff, encode_diff
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "cloud"))
+from street import GEOREFERENCE, Street
+
+STREET = Street()
+PASSES = 40
+CITY_STREETS, CITY_FEATURES = 6667, 10_000_000
+BLOCK_M = 130.0
+BASE_SESSION = 999
+
+
+def city_spots() -> ParkingMap:
+    """The street at the origin and thousands of copies of it around."""
+    side = int(np.ceil(np.sqrt(CITY_STREETS)))
+    spots = []
+    for block in range(CITY_STREETS):
+        column, row = block % side - side // 2, block // side - side // 2
+        for spot in STREET.parking_map.spots:
+            moved = translate(spot.polygon, column * BLOCK_M, row * BLOCK_M)
+            spots.append(replace(spot, id=f"{column}/{row}/{spot.id}", polygon=moved))
+    return ParkingMap(tuple(spots), GEOREFERENCE)
+
+
+def city_map(count: int) -> FeatureMap:
+    """Static features all over the city, one block per earlier diff."""
+    rng = np.random.default_rng(0)
+    blocks = -(-count // MAX_FEATURES_PER_DIFF)
+    per_block = [min(MAX_FEATURES_PER_DIFF, count - b * MAX_FEATURES_PER_DIFF) for b in range(blocks)]
+    sessions = [BASE_SESSION + b // 4096 for b in range(blocks)]
+    ids = [feature_ids(s, b % 4096, n) for b, (s, n) in enumerate(zip(sessions, per_block, strict=True))]
+    ones, zeros = np.ones(count, np.float32), np.zeros(count)
+    features = MapFeatures(
+        id=np.concatenate(ids),
+        position=rng.uniform(-5000.0, 5000.0, (count, 3)),
+        descriptor=np.zeros((count, 32), np.uint8),
+        normal=np.zeros((count, 3), np.float32),
+        min_distance=ones,
+        max_distance=ones,
+        label=np.zeros(count, np.uint8),
+        instance_key=np.zeros(count, np.uint64),
+        first_seen=zeros,
+        last_seen=zeros,
+        observations=np.ones(count, np.uint16),
+    )
+    return FeatureMap(features, GEOREFERENCE)
+
+
+def passes(count: int) -> list[SemanticMapDiff]:
+    """Cars that drive the street one after the other, each removing what the one before it added."""
+    drives: list[list[SemanticMapDiff]] = []
+    for number in range(count):
+        parked = np.random.default_rng(number).choice(STREET.count, 10, replace=False).tolist()
+        drives.append(STREET.drive(STREET.park(parked, number), session=number + 1, start=1000.0 + 600.0 * number))
+        if number:
+            gone = [diff.new.id for diff in drives[-2]]
+            drives[-1] = [replace(diff, removed=ids) for diff, ids in zip(drives[-1], gone, strict=False)]
+    return [diff for drive in drives for diff in drive]
+
+
+def measure(service: CloudService, payloads: list[bytes], clock: Callable[[], float]) -> dict[str, float]:
+    """Milliseconds per stage, median, after a first pass that compiles and builds rasters."""
+    service.times = StageTimes(clock)
+    for payload in payloads:
+        service.receive(payload)
+    times = {stage: list(values)[6:] for stage, values in service.times.milliseconds.items()}
+    total = np.sum([values for stage, values in times.items() if stage != "decode"], axis=0)
+    medians = {f"{stage}_ms_median": round(float(np.median(values)), 3) for stage, values in times.items()}
+    return medians | {
+        "integrate_and_occupancy_ms_median": round(float(np.median(total)), 3),
+        "integrate_and_occupancy_ms_p95": round(float(np.percentile(total, 95)), 3),
+    }
+
+
+def main() -> None:
+    """Print one JSON object per case."""
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("--city", action="store_true", help="also with 100,000 spots and 10 million features")
+    arguments.add_argument("--cpu", action="store_true", help="time of this thread, for machines that are shared")
+    options = arguments.parse_args()
+    clock = time.thread_time if options.cpu else time.perf_counter
+    diffs = passes(PASSES)
+    payloads = [encode_diff(diff) for diff in diffs]
+    assert all(len(decode_diff(payload).new) == len(diff.new) for payload, diff in zip(payloads, diffs, strict=True))
+    for method in ("thesis", "fused"):
+        service = CloudService(STREET.parking_map, method)
+        print(json.dumps({"case": f"15 spots, {method}"} | measure(service, payloads, clock)))
+    if options.city:
+        spots, base = city_spots(), city_map(CITY_FEATURES)
+        for method in ("thesis", "fused"):
+            service = CloudService(spots, method, base)
+            case = f"{len(spots)} spots, {len(base)} features, {method}"
+            print(json.dumps({"case": case} | measure(service, payloads, clock)))
+
+
+if __name__ == "__main__":
+    main()

@@ -13,8 +13,8 @@ _POINTS_PER_INSTANCE = 30
 _MIN_POINTS = 4
 _WINDOW_PX, _LEVELS = 15, 3  # follows about 60 px of motion
 _MAX_RETURN_PX = 1.0  # a point tracked there and back again must come home
-_MIN_FOLLOWED = 0.3  # of an instance's points
-_MAX_DISAGREEMENT_PX = 4.0  # the near end of a car moves faster than the far end
+_MIN_FOLLOWED = 0.15  # of an instance's points
+_MAX_DISAGREEMENT_PX = 10.0  # the near end of a car moves faster than the far end
 _CONFIDENCE_KEPT = 0.97  # per frame without a look
 
 

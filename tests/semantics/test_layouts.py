@@ -149,6 +149,19 @@ def test_rf_detr_boxes_are_shares_of_the_stretched_image(tmp_path):
     assert rows.max() == pytest.approx(119, abs=3)
 
 
+def test_rf_detr_class_names_come_with_recent_exports(tmp_path):
+    logits = np.full((1, 1, 3), -9.0, np.float32)
+    logits[0, 0, 1] = 3.0
+    outputs = {
+        "dets": np.array([[[0.5, 0.5, 0.25, 0.5]]], np.float32),
+        "labels": logits,
+        "masks": np.full((1, 1, 54, 54), 5.0, np.float32),
+    }
+    metadata = {"rfdetr_inference": json.dumps({"class_id_to_name": {0: "tree", 1: "traffic cone"}})}
+    path = constant_network(tmp_path / "own.onnx", [1, 3, 432, 432], outputs, metadata)
+    assert load_segmenter(path).segment(IMAGE).label.tolist() == [ClassLabel.CONE]
+
+
 def test_a_layout_that_nobody_knows_is_named(tmp_path):
     path = constant_network(tmp_path / "odd.onnx", [1, 3, 64, 64], {"depth": np.zeros((1, 1, 64, 64), np.float32)})
     with pytest.raises(ModelError, match=r"odd\.onnx.*depth \[1, 1, 64, 64\].*known layout.*odd\.json"):

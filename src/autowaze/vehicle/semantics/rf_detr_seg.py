@@ -7,6 +7,7 @@ logits [1, Q, h, w] over the whole image.
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import cv2
@@ -36,7 +37,7 @@ class RfDetrSeg:
         self._input, shape = next(iter(network.inputs.items()))
         free = config.long_side or _SIDE
         self._size = (shape[3] or free, shape[2] or free)
-        names = config.class_names or dict(enumerate(COCO_BY_CATEGORY_ID))
+        names = config.class_names or self._names_in_metadata() or dict(enumerate(COCO_BY_CATEGORY_ID))
         self._label_of_class = labels_of_classes(names)
         self._min_confidence = config.min_confidence if config.min_confidence is not None else _MIN_CONFIDENCE
 
@@ -66,6 +67,14 @@ class RfDetrSeg:
             per_pixel = (masks.shape[2] / width, masks.shape[1] / height)
             paste_in_box(mask, box, masks[row], per_pixel, (0.0, 0.0), threshold=0.0)
         return out
+
+    def _names_in_metadata(self) -> dict[int, str]:
+        """Class names as recent exports carry them."""
+        try:
+            stated = json.loads(self._network.metadata.get("rfdetr_inference", "{}"))
+            return {int(number): str(name) for number, name in stated.get("class_id_to_name", {}).items()}
+        except (ValueError, AttributeError) as error:
+            raise ModelError(f"{self._network.path}: unreadable class names in its metadata") from error
 
     def _tensor(self, image: Image) -> NDArray[np.float32]:
         colour = cv2.cvtColor(image, cv2.COLOR_GRAY2RGB if image.ndim == 2 else cv2.COLOR_BGR2RGB)

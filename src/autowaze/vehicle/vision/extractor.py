@@ -38,7 +38,7 @@ class FeatureExtractor:
             self._left.pyramid,
             self._right.pyramid,
             min_disparity_px=self.settings.min_disparity_px,
-            max_disparity_px=self.camera.fx,
+            max_disparity_px=self.camera.bf / self.settings.min_depth_m,
             max_hamming=self.settings.max_hamming,
         )
         depth = (self.camera.bf / (left.uv[:, 0] - u_right)).astype(np.float32)

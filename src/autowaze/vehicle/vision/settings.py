@@ -16,6 +16,7 @@ class VisionSettings:
         n_levels: pyramid levels, each smaller than the last by `scale_factor` (ORB-SLAM2: 8 and 1.2).
         fast_threshold: corners need this grey-level step; a low one and the spreading keep dark vehicles in shadow.
         max_hamming: most differing bits of a stereo match (ORB-SLAM2: 75).
+        min_depth_m: nothing is nearer to a road vehicle's camera.
         min_disparity_px: below it depth is noise; points so far away serve as directions only.
     """
 
@@ -25,4 +26,5 @@ class VisionSettings:
     scale_factor: float = 1.2
     fast_threshold: int = 7
     max_hamming: int = 75
+    min_depth_m: float = 2.0
     min_disparity_px: float = 1.0

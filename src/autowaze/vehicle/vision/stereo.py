@@ -11,7 +11,9 @@ from autowaze.vehicle.vision.pyramid import Pyramid
 
 _HALF_WINDOW_PX = 5  # 11 x 11
 _HALF_SEARCH_PX = 5
-_OUTLIER_COST = 2.1  # times the median SAD
+_MAX_COST = 0.5  # SAD over the patch's own contrast: a median SAD would drop the high-contrast patches, the best
+_RATIO = 0.85  # of the best Hamming distance to that of the best match elsewhere on the row
+_ELSEWHERE_PX = 4.0  # on the level of the feature
 
 
 def match_stereo(
@@ -34,7 +36,7 @@ def match_stereo(
     layout = left_pyramid.layout
     order = np.argsort(right.uv[:, 1], kind="stable")
     rows = np.searchsorted(right.uv[order, 1], np.arange(layout.height[0] + 1)).astype(np.int64)
-    u_right, cost = _match_rows(
+    u_right = _match_rows(
         left.uv,
         left.octave,
         left.descriptor.view(np.uint64),
@@ -53,10 +55,7 @@ def match_stereo(
         max_disparity_px,
         max_hamming,
     )
-    matched = np.isfinite(cost)
-    if matched.any():
-        u_right[cost > _OUTLIER_COST * np.median(cost[matched])] = np.nan
-    return u_right
+    return np.asarray(u_right)
 
 
 @compiled
@@ -66,14 +65,13 @@ def _match_rows(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     n = uv_left.shape[0]
     u_right = np.full(n, np.nan, np.float32)
-    cost = np.full(n, np.nan, np.float32)
     last_row = rows.shape[0] - 1
     for i in range(n):
         octave = np.int64(octave_left[i])
         band = 2.0 * scale[octave]
         first = max(np.int64(np.ceil(uv_left[i, 1] - band)), 0)
         last = min(np.int64(np.floor(uv_left[i, 1] + band)) + 1, last_row)
-        best, best_distance = -1, max_hamming + 0
+        best, best_distance, second = -1, 257, 257
         for j in range(rows[min(first, last_row)], rows[last]):
             disparity = uv_left[i, 0] - uv_right[j, 0]
             if disparity < min_disparity - 2.0 or disparity > max_disparity:
@@ -81,11 +79,18 @@ def _match_rows(  # type: ignore[no-untyped-def]
             if abs(np.int64(octave_right[j]) - octave) > 1:
                 continue
             distance = np.int64(hamming(words_left[i], words_right[j]))
+            if distance >= second:
+                continue
+            elsewhere = best < 0 or abs(uv_right[j, 0] - uv_right[best, 0]) > _ELSEWHERE_PX * scale[octave]
             if distance < best_distance:
+                if elsewhere:
+                    second = best_distance
                 best, best_distance = j, distance
-        if best < 0:
+            elif elsewhere:
+                second = distance
+        if best < 0 or best_distance > max_hamming or best_distance > _RATIO * second:
             continue
-        u, sad = _refine(
+        u = _refine(
             block_left[offset[octave] :], block_right[offset[octave] :], width[octave], height[octave],
             (uv_left[i, 0] + 0.5) / pixel[octave, 0] - 0.5, (uv_left[i, 1] + 0.5) / pixel[octave, 1] - 0.5,
             (uv_right[best, 0] + 0.5) / pixel[octave, 0] - 0.5,
@@ -93,19 +98,22 @@ def _match_rows(  # type: ignore[no-untyped-def]
         disparity = uv_left[i, 0] - ((u + 0.5) * pixel[octave, 0] - 0.5)
         if min_disparity <= disparity <= max_disparity:
             u_right[i] = uv_left[i, 0] - disparity
-            cost[i] = sad
-    return u_right, cost
+    return u_right
 
 
 @compiled
 def _refine(left, right, width, height, u_left, v, u_right):  # type: ignore[no-untyped-def]
-    """Column of the least SAD near `u_right` to a fraction of a pixel, and that SAD; NaN at a border of the search."""
+    """Column of the least SAD near `u_right` to a fraction of a pixel; NaN where the patches do not agree."""
     w, s = _HALF_WINDOW_PX, _HALF_SEARCH_PX
     ul, ur, row = np.int64(np.rint(u_left)), np.int64(np.rint(u_right)), np.int64(np.rint(v))
     if row - w < 0 or row + w >= height or ul - w < 0 or ul + w >= width or ur - w - s < 0 or ur + w + s >= width:
-        return np.nan, np.nan
+        return np.nan
     sad = np.zeros(2 * s + 1, np.int64)
+    contrast = 0
     centre_left = np.int64(left[row * width + ul])
+    for y in range(row - w, row + w + 1):
+        for x in range(ul - w, ul + w + 1):
+            contrast += abs(np.int64(left[y * width + x]) - centre_left)
     best = 0
     for d in range(2 * s + 1):
         centre_right = np.int64(right[row * width + ur + d - s])
@@ -117,9 +125,9 @@ def _refine(left, right, width, height, u_left, v, u_right):  # type: ignore[no-
         sad[d] = total
         if total < sad[best]:
             best = d
-    if best in (0, 2 * s):
-        return np.nan, np.nan
+    if best == 0 or best == 2 * s or sad[best] > _MAX_COST * contrast:
+        return np.nan
     before, least, after = sad[best - 1], sad[best], sad[best + 1]
     curvature = before - 2 * least + after
     delta = 0.5 * (before - after) / curvature if curvature > 0 else 0.0
-    return u_left + (ur + best - s - ul) + delta, np.float64(least)
+    return u_left + (ur + best - s - ul) + delta

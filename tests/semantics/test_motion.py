@@ -107,3 +107,18 @@ def test_points_are_found_again_only_within_their_instance():
     assert same.tolist() == [0, 1, 2, 3, 4, 5]
     other = match_within_instances(descriptors, ids, descriptors[::-1], np.array([1, 1, 1, 4, 4, 4], np.int32))
     assert other.tolist() == [-1] * 6
+
+
+@pytest.mark.parametrize("jump_m", [0.3, 1.0])
+def test_a_pose_that_jumps_moves_nobody(jump_m):
+    rng = np.random.default_rng(10)
+    side = car_side(rng, 30, 3.0, 15.0)
+    street = rng.uniform([-6.0, 8.0, 0.0], [-5.5, 25.0, 5.0], (80, 3))
+    points, ids = np.vstack([side, street]), np.repeat([7, 0], [30, 80])
+    descriptors = random_descriptors(rng, 110)
+    classifier = MotionClassifier(CAMERA)
+    for k in range(12):
+        features = see(points, camera_at(0.0, 0.3 * k), descriptors, ids, noise=rng)
+        believed = camera_at(jump_m if k >= 6 else 0.0, 0.3 * k + (jump_m / 2 if k >= 6 else 0.0))
+        motions = classifier.update(features, believed, 0.1 * k)
+        assert not motions.moving.any()

@@ -3,6 +3,7 @@
 The centroid of an instance is no witness: the side that is seen slides along a parked car as one drives by. The same
 point of it, found again, is. Stereo places points along the line of sight with an error that grows with the square
 of the depth, so a displacement counts for as much as its covariance allows, and evidence adds up over frames.
+When the pose jumps, as it does on being found again in the map, the background jumps along and tells.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from autowaze.vehicle.semantics.rematching import match_within_instances
+from autowaze.vehicle.semantics.rematching import match_near_by, match_within_instances
 from autowaze.world.camera import StereoCamera
 from autowaze.world.columns import Columns
 from autowaze.world.features import CameraFeatures
@@ -69,9 +70,10 @@ class Motions(Columns):
 
 @dataclass(frozen=True)
 class _Sighting:
-    """Features of instances in one frame, sorted by instance."""
+    """Features of one frame with depth, sorted by instance; those of the background near by are apart."""
 
     timestamp: float
+    background: _Sighting | None
     instance: NDArray[np.int32]
     label: NDArray[np.uint8]
     descriptor: NDArray[np.uint8]
@@ -95,6 +97,8 @@ _PRIOR_LOG_ODDS = {ClassLabel.PERSON: 1.0, ClassLabel.ANIMAL: 1.0, ClassLabel.TW
 _PRIOR_LOG_ODDS_OTHERS = -1.0
 _MAX_LOG_ODDS, _MAX_STEP = 6.0, 3.0
 _GATE = 11.34  # chi-square, 3 degrees of freedom, 99 %
+_BACKGROUND_M, _BACKGROUND_FEATURES, _MIN_BACKGROUND = 20.0, 300, 20
+_MIN_JUMP_M = 0.15  # below it the displacement of the background is noise
 _ACCELERATION = 2.0  # m/s^2, standard deviation of what traffic does
 
 
@@ -141,12 +145,24 @@ class MotionClassifier:
         )
 
     def _sight(self, features: CameraFeatures, T_map_cam: Pose, timestamp: float) -> _Sighting:
+        near = (features.instance_id == 0) & (features.depth < _BACKGROUND_M)
+        background = self._place(features, np.flatnonzero(near)[:_BACKGROUND_FEATURES], T_map_cam, timestamp, None)
         rows = np.flatnonzero((features.instance_id > 0) & features.has_depth)
         rows = rows[np.argsort(features.instance_id[rows], kind="stable")]
+        return self._place(features, rows, T_map_cam, timestamp, background)
+
+    def _place(
+        self,
+        features: CameraFeatures,
+        rows: NDArray[np.int64],
+        T_map_cam: Pose,
+        timestamp: float,
+        background: _Sighting | None,
+    ) -> _Sighting:
         f = features[rows]
         covariance, common = self._covariances(f, T_map_cam[:3, :3])
         position = transform(T_map_cam, f.position_cam.astype(np.float64))
-        return _Sighting(timestamp, f.instance_id, f.label, f.descriptor, position, covariance, common)
+        return _Sighting(timestamp, background, f.instance_id, f.label, f.descriptor, position, covariance, common)
 
     def _covariances(
         self, f: CameraFeatures, R_map_cam: NDArray[np.float64]
@@ -195,7 +211,7 @@ class MotionClassifier:
         rows = np.flatnonzero(partner >= 0)
         partner = partner[rows]
         span = now.timestamp - earlier.timestamp
-        displacement = now.position[rows] - earlier.position[partner]
+        displacement = now.position[rows] - earlier.position[partner] - _jump(now.background, earlier.background)
         covariance = now.covariance[rows] + earlier.covariance[partner]
         common = now.common[rows] + earlier.common[partner]
         ids, first, counts = np.unique(now.instance[rows], return_index=True, return_counts=True)
@@ -226,6 +242,18 @@ class MotionClassifier:
         gain = drifted @ np.linalg.inv(drifted + P)
         belief.velocity = belief.velocity + gain @ (velocity - belief.velocity)
         belief.covariance = drifted - gain @ drifted
+
+
+def _jump(now: _Sighting | None, earlier: _Sighting | None) -> NDArray[np.float64]:
+    """By how much (3,) the pose jumped between two frames, as what stands seems to have moved; zero if it did not."""
+    assert now is not None and earlier is not None
+    partner = match_near_by(now.descriptor, now.position, earlier.descriptor, earlier.position)
+    rows = np.flatnonzero(partner >= 0)
+    displacement = now.position[rows] - earlier.position[partner[rows]]
+    agreed = _consensus(displacement, now.covariance[rows] + earlier.covariance[partner[rows]], _MIN_BACKGROUND)
+    if agreed is None or np.linalg.norm(agreed[0]) < _MIN_JUMP_M:
+        return np.zeros(3)
+    return agreed[0]
 
 
 def _consensus(

@@ -17,7 +17,7 @@ from autowaze.world.camera import StereoCamera
 from autowaze.world.pose import inverse
 
 _FIRST_ITERATIONS, _FINAL_ITERATIONS = 5, 10  # ORB-SLAM2: Huber, drop outliers, again without
-_RELATIVE_GAIN = 1e-5  # a smaller one ends the iterations
+_RELATIVE_GAIN = 1e-4  # a smaller one ends the iterations
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ _MIN_SHARED = 15  # ORB-SLAM2: landmarks that two keyframes share to be covisibl
 @dataclass(frozen=True)
 class _Pending:
     due: int
+    last_id: int
     keyframes: list[Keyframe]
     point_id: NDArray[np.int64]
     observation_feature: NDArray[np.int64]
@@ -45,11 +46,6 @@ class LocalMapper:
         self._pending: _Pending | None = None
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="bundle-adjustment")
 
-    @property
-    def is_adjusting(self) -> bool:
-        """Whether a bundle adjustment waits to be applied."""
-        return self._pending is not None
-
     def insert(
         self, frame: ObservedFrame, T_map_cam: Pose, landmark_id: NDArray[np.int64], index: int, timestamp: float
     ) -> NDArray[np.int64]:
@@ -57,10 +53,10 @@ class LocalMapper:
         self._observe_again(frame, T_map_cam, landmark_id)
         landmark_id = self._create(frame, T_map_cam, landmark_id, timestamp)
         self.keyframes.append(Keyframe(index, T_map_cam.copy(), frame, landmark_id))
-        self._cull(index)
+        self._cull()
         self.refresh_local(T_map_cam)
-        if len(self.keyframes) > 1:
-            self._start_adjustment(index + self.settings.min_keyframe_gap)
+        if self._pending is None and len(self.keyframes) > 1:
+            self._start_adjustment(index + self.settings.adjustment_frames)
         return landmark_id
 
     def adopt(self, index: int) -> Pose | None:
@@ -76,6 +72,7 @@ class LocalMapper:
         rows = self.landmarks.rows(pending.point_id)
         alive = (rows >= 0) & pending.problem.point_free
         self.landmarks.position[rows[alive]] = solution.position[alive]
+        self._move_later(pending, moved)
         self._forget_outliers(pending, solution)
         return moved
 
@@ -101,8 +98,10 @@ class LocalMapper:
     def _rows_seen_by(self, keyframes: list[Keyframe]) -> NDArray[np.int64]:
         if not keyframes:
             return np.zeros(0, np.int64)
-        rows = self.landmarks.rows(np.unique(np.concatenate([k.observed_ids for k in keyframes])))
-        return rows[rows >= 0]
+        rows = self.landmarks.rows(np.concatenate([k.observed_ids for k in keyframes]))
+        seen = np.zeros(len(self.landmarks), np.bool_)
+        seen[rows[rows >= 0]] = True
+        return np.flatnonzero(seen)
 
     def refresh_local(self, T_map_cam: Pose) -> None:
         """Choose the landmarks to look for: those of the latest keyframes and those of the stored map nearby."""
@@ -112,6 +111,15 @@ class LocalMapper:
         near = np.einsum("ij,ij->i", offset, offset) < self.settings.local_radius_m**2
         stored = np.flatnonzero(self.landmarks.is_stored & near)
         self.local_rows = np.union1d(rows, stored)
+
+    def _move_later(self, pending: _Pending, motion: Pose) -> None:
+        """Keyframes and landmarks made since an adjustment began move as its newest keyframe does."""
+        for keyframe in reversed(self.keyframes):
+            if keyframe is pending.keyframes[-1]:
+                break
+            keyframe.T_map_cam = motion @ keyframe.T_map_cam
+        later = self.landmarks.position[np.searchsorted(self.landmarks.id, pending.last_id, side="right") :]
+        later[:] = later @ motion[:3, :3].T + motion[:3, 3]
 
     def _observe_again(self, frame: ObservedFrame, T_map_cam: Pose, landmark_id: NDArray[np.int64]) -> None:
         """Take over descriptor and viewing direction of the landmarks that a keyframe sees."""
@@ -154,7 +162,7 @@ class LocalMapper:
         )
         return landmark_id
 
-    def _cull(self, index: int) -> None:
+    def _cull(self) -> None:
         store = self.landmarks
         rare = (store.n_visible >= _MIN_PREDICTED) & (store.n_found < _MIN_FOUND_SHARE * store.n_visible)
         store.remove(rare & ~store.is_stored)
@@ -162,14 +170,13 @@ class LocalMapper:
     def _start_adjustment(self, due: int) -> None:
         free = self.keyframes[-self.settings.n_adjusted :]
         older = self.keyframes[: -self.settings.n_adjusted]
-        points = np.unique(np.concatenate([k.observed_ids for k in free]))
-        points = points[self.landmarks.rows(points) >= 0]
+        points = self.landmarks.id[self._rows_seen_by(free)]
         fixed = [k for k in older[-self.settings.n_fixed :] if np.isin(k.landmark_id, points).sum() >= _MIN_SHARED]
         keyframes = fixed + free
         pose_free = np.arange(len(keyframes)) >= max(len(fixed), 1)
         problem, feature = self._problem(keyframes, pose_free, points)
         solution = self._worker.submit(adjust, problem, self.camera)
-        self._pending = _Pending(due, keyframes, points, feature, problem, solution)
+        self._pending = _Pending(due, int(self.landmarks.id[-1]), keyframes, points, feature, problem, solution)
 
     def _problem(
         self, keyframes: list[Keyframe], pose_free: NDArray[np.bool_], points: NDArray[np.int64]

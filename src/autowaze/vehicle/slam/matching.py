@@ -31,8 +31,20 @@ def match_in_windows(
     """
     return np.asarray(
         _match(
-            words, pixel, level, radius_px, frame.words, frame.measured, frame.octave, frame.cell_start,
-            frame.in_cell, frame.n_columns, frame.n_rows, taken, max_hamming, ratio,
+            words,
+            pixel,
+            level,
+            radius_px,
+            frame.words,
+            frame.measured,
+            frame.octave,
+            frame.cell_start,
+            frame.in_cell,
+            frame.n_columns,
+            frame.n_rows,
+            taken,
+            max_hamming,
+            ratio,
         )  # fmt: skip
     )
 

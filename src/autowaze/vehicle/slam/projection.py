@@ -36,7 +36,11 @@ class Predictions(Columns):
 
 
 def predict(
-    landmarks: Landmarks, rows: NDArray[np.int64], T_map_cam: Pose, camera: StereoCamera, level_scale: NDArray[np.float64]
+    landmarks: Landmarks,
+    rows: NDArray[np.int64],
+    T_map_cam: Pose,
+    camera: StereoCamera,
+    level_scale: NDArray[np.float64],
 ) -> Predictions:
     """Landmarks of the given rows in the frustum, within their scale range and viewing angle."""
     T = inverse(T_map_cam)

@@ -30,8 +30,8 @@ class SlamSettings:
     min_relocalized_inliers: int = 50
     restart_after: int = 10
     max_depth_baselines: landmarks are made up to this many baselines away.
-        min_keyframe_gap: frames between keyframes at least; the bundle adjustment of a keyframe is applied this many
-            frames later, whenever it ended.
+        adjustment_frames: the bundle adjustment of a keyframe is applied so many frames later, whenever it ended, so
+            that no result depends on the speed of the machine; meanwhile no other one starts.
         keyframe_ratio: tracked landmarks below this share of the last keyframe's make a new one.
         keyframe_distance_m, keyframe_angle_rad: as does so much motion.
         n_adjusted, n_fixed: keyframes that bundle adjustment moves, and older ones that hold it.
@@ -53,12 +53,12 @@ class SlamSettings:
     min_relocalized_inliers: int = 50
     restart_after: int = 10
     max_depth_baselines: float = 720.0
-    min_keyframe_gap: int = 1
+    adjustment_frames: int = 2
     keyframe_ratio: float = 0.4
     keyframe_distance_m: float = 0.25
     keyframe_angle_rad: float = 0.03
-    n_adjusted: int = 10
-    n_fixed: int = 10
+    n_adjusted: int = 5
+    n_fixed: int = 5
     local_radius_m: float = 60.0
 
     @property

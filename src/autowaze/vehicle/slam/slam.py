@@ -172,7 +172,9 @@ class StereoSlam:
 
     def _found(self, located: Located, timestamp: float, index: int, reason: str) -> TrackedFrame:
         follows = self._last is not None and not self._blind_frames
-        self._velocity = inverse(self._last.T_map_cam) @ located.T_map_cam if self._last is not None and follows else None
+        self._velocity = (
+            inverse(self._last.T_map_cam) @ located.T_map_cam if self._last is not None and follows else None
+        )
         self._blind_frames = self._seeing_but_lost = 0
         located = self._look_for_stored_map(located)
         self._count_sightings(located, timestamp)
@@ -271,8 +273,6 @@ class StereoSlam:
         if not self._mapper.keyframes:
             return True
         newest = self._mapper.keyframes[-1]
-        if self._mapper.is_adjusting or self._count - newest.index < self.settings.min_keyframe_gap:
-            return False
         moved = inverse(newest.T_map_cam) @ located.T_map_cam
         return bool(
             located.n_inliers < self.settings.keyframe_ratio * self._reference_inliers

@@ -81,7 +81,9 @@ class Tracker:
                 return estimate.T_map_cam
         return None
 
-    def in_map(self, frame: ObservedFrame, T_map_cam: Pose, local_rows: NDArray[np.int64], widen: float = 1.0) -> Located:
+    def in_map(
+        self, frame: ObservedFrame, T_map_cam: Pose, local_rows: NDArray[np.int64], widen: float = 1.0
+    ) -> Located:
         """Pose by the landmarks of the local map, started near it."""
         predictions = predict(self.landmarks, local_rows, T_map_cam, self.camera, self._level_scale)
         found = self._match_map(frame, predictions, widen)

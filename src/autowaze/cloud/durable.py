@@ -1,0 +1,94 @@
+"""A cloud service that forgets nothing that it has acknowledged."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+from autowaze.cloud.broadcast import Update
+from autowaze.cloud.service import CloudService
+from autowaze.cloud.store import Accepted, Store, StoreError
+from autowaze.world.errors import WireError
+from autowaze.world.wire import decode_diff
+
+
+class DurableService:
+    """Takes diffs into a `CloudService` and a `Store` together.
+
+    A diff is acknowledged by returning its update, and that happens only after the diff and the states that it
+    changed were committed in one transaction. A new process replays the log: the same diffs give the same state.
+
+    Args:
+        open_service: makes the service with nothing integrated yet; called again when the state must be rebuilt.
+        store: the log and the spots.
+        clock: seconds since the epoch, for the time of receipt.
+    """
+
+    def __init__(
+        self, open_service: Callable[[], CloudService], store: Store, clock: Callable[[], float] = time.time
+    ) -> None:
+        self._open_service = open_service
+        self.store = store
+        self._clock = clock
+        self._lock = threading.Lock()
+        self.service = self._recovered()
+
+    def receive(self, payload: bytes) -> Update:
+        """Take in the bytes of one diff; what it returns is durable.
+
+        Raises:
+            WireError: no diff, or one that says something impossible; nothing has changed.
+            StoreError: it could not be kept; nothing has changed, the car may send it again.
+        """
+        update = self.receive_many([payload])[0]
+        if isinstance(update, WireError):
+            raise update
+        return update
+
+    def receive_many(self, payloads: Sequence[bytes]) -> list[Update | WireError]:
+        """Take in several diffs with one commit; a bad one yields its error and does not touch the others.
+
+        Raises:
+            StoreError: none of them could be kept; nothing has changed.
+        """
+        with self._lock:
+            try:
+                return self._take_in(payloads)
+            except BaseException:
+                self.service = self._recovered()
+                raise
+
+    def _take_in(self, payloads: Sequence[bytes]) -> list[Update | WireError]:
+        results: list[Update | WireError] = []
+        accepted, changed = [], {}
+        for payload in payloads:
+            try:
+                diff = decode_diff(payload)
+                update = self.service.integrate(diff)
+            except WireError as error:
+                results.append(error)
+                continue
+            results.append(update)
+            if update.accepted:
+                accepted.append(Accepted(diff.session, diff.sequence, self._clock(), bytes(payload)))
+                changed.update({state.spot_id: state for state in update.spots})
+        if accepted:
+            self.store.commit(accepted, changed.values())
+        return results
+
+    def _recovered(self) -> CloudService:
+        """The state after every diff of the log; the stored spots follow it where method or parking map changed."""
+        service = self._open_service()
+        for position, accepted in enumerate(self.store.log(), start=1):
+            try:
+                service.receive(accepted.payload)
+            except WireError as error:
+                raise StoreError(
+                    f"diff {position} of the store cannot be taken in again: {error}; start the service with the "
+                    "parking map and base map that the store was made with"
+                ) from error
+        known = {state.spot_id: state for state in service.states if state.observed_at is not None}
+        if known != {state.spot_id: state for state in self.store.spots()}:
+            self.store.replace_spots(known.values())
+        return service

@@ -9,7 +9,7 @@ When the pose jumps, as it does on being found again in the map, the background 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -70,10 +70,9 @@ class Motions(Columns):
 
 @dataclass(frozen=True)
 class _Sighting:
-    """Features of one frame with depth, sorted by instance; those of the background near by are apart."""
+    """Features of one frame with depth, sorted by instance; positions are in the map, without the pose's jumps."""
 
     timestamp: float
-    background: _Sighting | None
     instance: NDArray[np.int32]
     label: NDArray[np.uint8]
     descriptor: NDArray[np.uint8]
@@ -109,6 +108,8 @@ class MotionClassifier:
         self.camera = camera
         self.settings = settings
         self._sightings: deque[_Sighting] = deque()
+        self._background: _Sighting | None = None
+        self._jumps = np.zeros(3)
         self._beliefs: dict[int, _Belief] = {}
 
     @property
@@ -135,7 +136,8 @@ class MotionClassifier:
         moving = np.array([b.log_odds > 0 for b in beliefs], np.bool_)
         velocity = np.array([b.velocity for b in beliefs]).reshape(-1, 2) * moving[:, None]
         bounds = np.append(first, len(now.instance))
-        position = [np.median(now.position[a:b, :2], axis=0) for a, b in pairwise(bounds)]
+        in_map = now.position[:, :2] + self._jumps[:2]
+        position = [np.median(in_map[a:b], axis=0) for a, b in pairwise(bounds)]
         return Motions(
             ids,
             now.label[first],
@@ -146,23 +148,21 @@ class MotionClassifier:
 
     def _sight(self, features: CameraFeatures, T_map_cam: Pose, timestamp: float) -> _Sighting:
         near = (features.instance_id == 0) & (features.depth < _BACKGROUND_M)
-        background = self._place(features, np.flatnonzero(near)[:_BACKGROUND_FEATURES], T_map_cam, timestamp, None)
+        background = self._place(features, np.flatnonzero(near)[:_BACKGROUND_FEATURES], T_map_cam, timestamp)
+        if self._background is not None:
+            jump = _jump(background, self._background)
+            self._jumps = self._jumps + jump
+            background = replace(background, position=background.position - jump)
+        self._background = background
         rows = np.flatnonzero((features.instance_id > 0) & features.has_depth)
         rows = rows[np.argsort(features.instance_id[rows], kind="stable")]
-        return self._place(features, rows, T_map_cam, timestamp, background)
+        return self._place(features, rows, T_map_cam, timestamp)
 
-    def _place(
-        self,
-        features: CameraFeatures,
-        rows: NDArray[np.int64],
-        T_map_cam: Pose,
-        timestamp: float,
-        background: _Sighting | None,
-    ) -> _Sighting:
+    def _place(self, features: CameraFeatures, rows: NDArray[np.int64], T_map_cam: Pose, timestamp: float) -> _Sighting:
         f = features[rows]
         covariance, common = self._covariances(f, T_map_cam[:3, :3])
-        position = transform(T_map_cam, f.position_cam.astype(np.float64))
-        return _Sighting(timestamp, background, f.instance_id, f.label, f.descriptor, position, covariance, common)
+        position = transform(T_map_cam, f.position_cam.astype(np.float64)) - self._jumps
+        return _Sighting(timestamp, f.instance_id, f.label, f.descriptor, position, covariance, common)
 
     def _covariances(
         self, f: CameraFeatures, R_map_cam: NDArray[np.float64]
@@ -211,7 +211,7 @@ class MotionClassifier:
         rows = np.flatnonzero(partner >= 0)
         partner = partner[rows]
         span = now.timestamp - earlier.timestamp
-        displacement = now.position[rows] - earlier.position[partner] - _jump(now.background, earlier.background)
+        displacement = now.position[rows] - earlier.position[partner]
         covariance = now.covariance[rows] + earlier.covariance[partner]
         common = now.common[rows] + earlier.common[partner]
         ids, first, counts = np.unique(now.instance[rows], return_index=True, return_counts=True)
@@ -244,13 +244,12 @@ class MotionClassifier:
         belief.covariance = drifted - gain @ drifted
 
 
-def _jump(now: _Sighting | None, earlier: _Sighting | None) -> NDArray[np.float64]:
-    """By how much (3,) the pose jumped between two frames, as what stands seems to have moved; zero if it did not."""
-    assert now is not None and earlier is not None
-    partner = match_near_by(now.descriptor, now.position, earlier.descriptor, earlier.position)
+def _jump(now: _Sighting, before: _Sighting) -> NDArray[np.float64]:
+    """By how much (3,) the pose jumped since the frame before, as what stands seems to have moved; zero if not."""
+    partner = match_near_by(now.descriptor, now.position, before.descriptor, before.position)
     rows = np.flatnonzero(partner >= 0)
-    displacement = now.position[rows] - earlier.position[partner[rows]]
-    agreed = _consensus(displacement, now.covariance[rows] + earlier.covariance[partner[rows]], _MIN_BACKGROUND)
+    displacement = now.position[rows] - before.position[partner[rows]]
+    agreed = _consensus(displacement, now.covariance[rows] + before.covariance[partner[rows]], _MIN_BACKGROUND)
     if agreed is None or np.linalg.norm(agreed[0]) < _MIN_JUMP_M:
         return np.zeros(3)
     return agreed[0]

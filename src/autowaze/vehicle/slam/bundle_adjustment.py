@@ -144,7 +144,7 @@ def _cost(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _step(  # type: ignore[no-untyped-def]
+def _step(  # type: ignore[no-untyped-def]  # noqa: PLR0912, PLR0915
     R, t, free, position, point_free, start, keyframe, measured, information, weight, calibration, inlier, robust,
     damping,
 ):  # fmt: skip

@@ -45,12 +45,12 @@ def match_in_windows(
             taken,
             max_hamming,
             ratio,
-        )  # fmt: skip
+        )
     )
 
 
 @compiled
-def _match(  # type: ignore[no-untyped-def]
+def _match(  # type: ignore[no-untyped-def]  # noqa: PLR0912
     words, pixel, level, radius, feature_words, measured, octave, cell_start, in_cell, n_columns, n_rows, taken,
     max_hamming, ratio,
 ):  # fmt: skip
@@ -65,7 +65,8 @@ def _match(  # type: ignore[no-untyped-def]
         r1 = min(np.int64((v + r) / CELL_PX), n_rows - 1)
         if u + r < 0.0 or v + r < 0.0 or c0 > c1 or r0 > r1:
             continue
-        best, best_distance, best_level, second, second_level = -1, 1 << 20, -1, 1 << 20, -1
+        best, best_distance, best_level = np.int64(-1), np.int64(1 << 20), np.int64(-1)
+        second, second_level = best_distance, best_level
         for row in range(r0, r1 + 1):
             for k in range(cell_start[row * n_columns + c0], cell_start[row * n_columns + c1 + 1]):
                 j = in_cell[k]

@@ -18,7 +18,8 @@ class ObservedFrame:
         features: the features as they came (N rows).
         words: (N, 4) uint64, the descriptors.
         measured: (N, 3) float64, u, v and disparity in pixels; disparity NaN without a stereo match.
-        information: (N, 2) float64, inverse variance of u and v, and of the disparity (0 without a match), px^-2.
+        information: (N, 2) float64, inverse variance of u and v, and of the disparity (0 where it is far away or not
+            known), px^-2.
         cell_start, in_cell: rows of the features by image cell, in compressed form.
         n_columns: cells per row of cells.
         moving: (N,) bool, features on things known to move.
@@ -30,6 +31,7 @@ class ObservedFrame:
         camera: StereoCamera,
         level_scale: NDArray[np.float64],
         sigma_px: tuple[float, float],
+        close_baselines: float,
         moving: NDArray[np.bool_] | None = None,
     ) -> None:
         self.features = features
@@ -40,8 +42,8 @@ class ObservedFrame:
         disparity = self.uv[:, 0] - features.u_right
         self.measured = np.column_stack([self.uv, disparity])
         corner, patch = sigma_px[0] * level_scale[self.octave], sigma_px[1] * level_scale[self.octave]
-        with_depth = np.isfinite(disparity)
-        self.information = np.column_stack([corner**-2, np.where(with_depth, patch**-2, 0.0)])
+        close = disparity >= camera.fx / close_baselines  # false for NaN
+        self.information = np.column_stack([corner**-2, np.where(close, patch**-2, 0.0)])
         self.n_columns = camera.width // CELL_PX + 1
         self.n_rows = camera.height // CELL_PX + 1
         column, row = (self.uv / CELL_PX).astype(np.int64).T

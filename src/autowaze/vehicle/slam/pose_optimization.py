@@ -43,8 +43,12 @@ def optimize_pose(
     information: NDArray[np.float64],
     weight: NDArray[np.float64],
     camera: StereoCamera,
+    depth_error: NDArray[np.float64] | None = None,
 ) -> PoseEstimate:
     """Gauss-Newton with Huber weights, outliers told apart anew each round.
+
+    A landmark's depth is known less well than its direction: its error is marginalised out of each observation, so
+    that fresh and far landmarks tell the camera's orientation and leave its position to the others.
 
     Args:
         T_map_cam: where to start.
@@ -53,11 +57,21 @@ def optimize_pose(
         information: (M, 2) inverse variances of u and v, and of the disparity (0 without stereo).
         weight: (M,) how much each counts; 0 to be judged but not to steer.
         camera: calibration.
+        depth_error: (M, 3) standard deviation of each landmark along the ray on which it was seen, as a vector in the
+            map frame, m; none by default.
     """
     T = inverse(T_map_cam)
+    depth_error = np.zeros_like(position) if depth_error is None else depth_error
     calibration = np.array([camera.fx, camera.fy, camera.cx, camera.cy, camera.bf])
     R, t, inlier, chi2, H = _optimize(
-        np.ascontiguousarray(T[:3, :3]), T[:3, 3].copy(), position, measured, information, weight, calibration
+        np.ascontiguousarray(T[:3, :3]),
+        T[:3, 3].copy(),
+        position,
+        depth_error,
+        measured,
+        information,
+        weight,
+        calibration,
     )
     T_new = inverse(make_pose(orthonormal(R), t))
     return PoseEstimate(T_new, _covariance(H, T_new[:3, :3]), inlier, chi2)
@@ -113,12 +127,38 @@ def _pose_jacobian(J, point_cam, Jp):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _optimize(R, t, position, measured, information, weight, calibration):  # type: ignore[no-untyped-def]
+def _marginal(R, J, depth_error, information, residual, W, Wr):  # type: ignore[no-untyped-def]
+    """Squared error of an observation whose landmark may move along its ray (Sherman-Morrison).
+
+    Fills W (3, 3), the information that remains, and Wr (3), that times the residual.
+    """
+    w = (information[0], information[0], information[1])
+    along = np.empty(3)
+    e0 = R[0, 0] * depth_error[0] + R[0, 1] * depth_error[1] + R[0, 2] * depth_error[2]
+    e1 = R[1, 0] * depth_error[0] + R[1, 1] * depth_error[1] + R[1, 2] * depth_error[2]
+    e2 = R[2, 0] * depth_error[0] + R[2, 1] * depth_error[1] + R[2, 2] * depth_error[2]
+    total = 1.0
+    for r in range(3):
+        along[r] = J[r, 0] * e0 + J[r, 1] * e1 + J[r, 2] * e2
+        total += w[r] * along[r] * along[r]
+    chi2 = 0.0
+    for r in range(3):
+        Wr[r] = 0.0
+        for c in range(3):
+            W[r, c] = (w[r] if r == c else 0.0) - w[r] * along[r] * along[c] * w[c] / total
+            Wr[r] += W[r, c] * residual[c]
+        chi2 += residual[r] * Wr[r]
+    return chi2
+
+
+@compiled
+def _optimize(R, t, position, depth_error, measured, information, weight, calibration):  # type: ignore[no-untyped-def]  # noqa: PLR0912
     n = position.shape[0]
     inlier = np.ones(n, np.bool_)
     chi2 = np.zeros(n)
     H, g = np.zeros((6, 6)), np.zeros(6)
     residual, point_cam, J, Jp = np.zeros(3), np.zeros(3), np.zeros((3, 3)), np.zeros((3, 6))
+    W, Wr = np.zeros((3, 3)), np.zeros(3)
     for rounds in range(_ROUNDS):
         for _ in range(_ITERATIONS):
             H[:] = 0.0
@@ -129,18 +169,20 @@ def _optimize(R, t, position, measured, information, weight, calibration):  # ty
                 error = _chi2(R, t, position[i], measured[i], information[i], calibration, residual, point_cam)
                 if error == np.inf:
                     continue
+                _jacobian(point_cam, calibration, J)
+                error = _marginal(R, J, depth_error[i], information[i], residual, W, Wr)
                 limit = CHI2_STEREO if information[i, 1] > 0.0 else CHI2_MONO
                 robust = weight[i]
                 if rounds < _ROBUST_ROUNDS and error > limit:
                     robust *= np.sqrt(limit / error)
-                _jacobian(point_cam, calibration, J)
                 _pose_jacobian(J, point_cam, Jp)
-                for r in range(3):
-                    w = robust * information[i, 0 if r < 2 else 1]
-                    for a in range(6):
-                        g[a] += w * Jp[r, a] * residual[r]
-                        for b in range(a, 6):
-                            H[a, b] += w * Jp[r, a] * Jp[r, b]
+                for a in range(6):
+                    g[a] += robust * (Jp[0, a] * Wr[0] + Jp[1, a] * Wr[1] + Jp[2, a] * Wr[2])
+                    w0 = robust * (W[0, 0] * Jp[0, a] + W[0, 1] * Jp[1, a] + W[0, 2] * Jp[2, a])
+                    w1 = robust * (W[0, 1] * Jp[0, a] + W[1, 1] * Jp[1, a] + W[1, 2] * Jp[2, a])
+                    w2 = robust * (W[0, 2] * Jp[0, a] + W[1, 2] * Jp[1, a] + W[2, 2] * Jp[2, a])
+                    for b in range(a, 6):
+                        H[a, b] += w0 * Jp[0, b] + w1 * Jp[1, b] + w2 * Jp[2, b]
             step, A = -g, H.copy()
             for a in range(6):
                 A[a, a] += 1e-9 * (1.0 + A[a, a])
@@ -152,6 +194,9 @@ def _optimize(R, t, position, measured, information, weight, calibration):  # ty
                 break
         for i in range(n):
             chi2[i] = _chi2(R, t, position[i], measured[i], information[i], calibration, residual, point_cam)
+            if chi2[i] != np.inf:
+                _jacobian(point_cam, calibration, J)
+                chi2[i] = _marginal(R, J, depth_error[i], information[i], residual, W, Wr)
             inlier[i] = chi2[i] <= (CHI2_STEREO if information[i, 1] > 0.0 else CHI2_MONO)
     for a in range(6):
         for b in range(a):

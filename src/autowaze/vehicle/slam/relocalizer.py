@@ -63,7 +63,7 @@ def _match_anywhere(words, skip, candidate_words, position, max_hamming, ratio):
     for i in range(n):
         if skip[i]:
             continue
-        best, best_distance, second = -1, 257, 257
+        best, best_distance, second = np.int64(-1), np.int64(257), np.int64(257)
         for j in range(m):
             distance = np.int64(hamming(words[i], candidate_words[j]))
             if distance >= second:

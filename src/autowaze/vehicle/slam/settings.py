@@ -17,6 +17,8 @@ class SlamSettings:
         corner_sigma_px, disparity_sigma_px: standard deviations at level 0, coarser levels in proportion. Measured as
             the spread of the inliers' residuals (median absolute deviation), which is the same for all levels; the
             sub-pixel search of the disparity aligns patches, which is finer than finding corners.
+        close_baselines: disparities hold the pose up to this depth (ORB-SLAM2: 35 baselines). Farther away a small
+            systematic error of the disparity is a large one of the scale, and directions tell more.
         max_hamming: most differing bits of a match. ratio: best over second best.
         min_start_features: stereo features needed to begin a map (ORB-SLAM2: 500, of 2000).
         min_inliers: fewer do not hold a pose (ORB-SLAM2: 30).
@@ -42,6 +44,7 @@ class SlamSettings:
     scale_factor: float = 1.2
     corner_sigma_px: float = 0.5
     disparity_sigma_px: float = 0.4
+    close_baselines: float = 35.0
     max_hamming: int = 80
     ratio: float = 0.85
     min_start_features: int = 200

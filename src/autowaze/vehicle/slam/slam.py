@@ -108,8 +108,9 @@ class StereoSlam:
         self._mapper.finish()
 
     def _observe(self, features: CameraFeatures, moving: NDArray[np.bool_] | None) -> ObservedFrame:
-        sigma_px = (self.settings.corner_sigma_px, self.settings.disparity_sigma_px)
-        return ObservedFrame(features, self.camera, self._level_scale, sigma_px, moving)
+        s = self.settings
+        sigma_px = (s.corner_sigma_px, s.disparity_sigma_px)
+        return ObservedFrame(features, self.camera, self._level_scale, sigma_px, s.close_baselines, moving)
 
     def _apply_adjustment(self) -> None:
         moved = self._mapper.adopt(self._count)

@@ -65,5 +65,5 @@ def rotate_left(omega, M):  # type: ignore[no-untyped-def]
 
 
 def orthonormal(R: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Nearest rotations of (..., 3, 3) matrices that rounding took off the manifold (one Newton step to the polar factor)."""
+    """Rotations nearest to matrices (..., 3, 3) that rounding spoilt: one Newton step to the polar factor."""
     return np.asarray(0.5 * R @ (3.0 * np.eye(3) - np.swapaxes(R, -1, -2) @ R))

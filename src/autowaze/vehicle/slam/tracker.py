@@ -44,7 +44,7 @@ class Located:
     n_stored_inliers: int
 
     @property
-    def T_map_cam(self) -> Pose:
+    def T_map_cam(self) -> Pose:  # noqa: N802
         """Pose (4, 4)."""
         return self.estimate.T_map_cam
 
@@ -96,6 +96,7 @@ class Tracker:
             frame.information[feature],
             weight,
             self.camera,
+            self._depth_error(row, T_map_cam),
         )
         landmark_id = np.full(len(frame), NO_LANDMARK, np.int64)
         landmark_id[feature[estimate.inlier]] = self.landmarks.id[row[estimate.inlier]]
@@ -164,6 +165,13 @@ class Tracker:
         rows = self.landmarks.rows(last.landmark_id)
         position[rows >= 0] = self.landmarks.position[rows[rows >= 0]]
         return position
+
+    def _depth_error(self, row: NDArray[np.int64], T_map_cam: Pose) -> NDArray[np.float64]:
+        """Standard deviation along the viewing ray (M, 3), m, from stereo noise and the number of observations."""
+        store = self.landmarks
+        distance = np.linalg.norm(store.position[row] - T_map_cam[:3, 3], axis=1)
+        one_view = self.settings.disparity_sigma_px * store.max_distance[row] * distance / self.camera.bf
+        return np.asarray(store.normal[row] * (one_view / np.sqrt(store.n_observations[row]))[:, None], np.float64)
 
     def _weights(
         self,

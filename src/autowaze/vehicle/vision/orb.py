@@ -112,10 +112,10 @@ def _describe(block, blurred, width, offset, xy, octave, circle, steered):  # ty
     for i in range(n):
         w = width[octave[i]]
         centre = offset[octave[i]] + xy[i, 1] * w + xy[i, 0]
-        moment_x, moment_y = 0, 0
+        moment_x, moment_y = np.int64(0), np.int64(0)
         for dy in range(-radius, radius + 1):
             row, half = centre + dy * w, circle[dy + radius]
-            total = 0
+            total = np.int64(0)
             for dx in range(-half, half + 1):
                 value = np.int64(block[row + dx])
                 total += value
@@ -124,7 +124,7 @@ def _describe(block, blurred, width, offset, xy, octave, circle, steered):  # ty
         angle[i] = np.arctan2(np.float64(moment_y), np.float64(moment_x))
         steering = np.int64(np.rint(angle[i] * n_steerings / (2 * np.pi))) % n_steerings
         for byte in range(DESCRIPTOR_BYTES):
-            bits = 0
+            bits = np.int64(0)
             for bit in range(8):
                 k = 2 * (8 * byte + bit)
                 one = blurred[centre + steered[steering, k, 1] * w + steered[steering, k, 0]]

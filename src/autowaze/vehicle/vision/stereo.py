@@ -71,7 +71,7 @@ def _match_rows(  # type: ignore[no-untyped-def]
         band = 2.0 * scale[octave]
         first = max(np.int64(np.ceil(uv_left[i, 1] - band)), 0)
         last = min(np.int64(np.floor(uv_left[i, 1] + band)) + 1, last_row)
-        best, best_distance, second = -1, 257, 257
+        best, best_distance, second = np.int64(-1), np.int64(257), np.int64(257)
         for j in range(rows[min(first, last_row)], rows[last]):
             disparity = uv_left[i, 0] - uv_right[j, 0]
             if disparity < min_disparity - 2.0 or disparity > max_disparity:
@@ -109,15 +109,15 @@ def _refine(left, right, width, height, u_left, v, u_right):  # type: ignore[no-
     if row - w < 0 or row + w >= height or ul - w < 0 or ul + w >= width or ur - w - s < 0 or ur + w + s >= width:
         return np.nan
     sad = np.zeros(2 * s + 1, np.int64)
-    contrast = 0
+    contrast = np.int64(0)
     centre_left = np.int64(left[row * width + ul])
     for y in range(row - w, row + w + 1):
         for x in range(ul - w, ul + w + 1):
             contrast += abs(np.int64(left[y * width + x]) - centre_left)
-    best = 0
+    best = np.int64(0)
     for d in range(2 * s + 1):
         centre_right = np.int64(right[row * width + ur + d - s])
-        total = 0
+        total = np.int64(0)
         for y in range(row - w, row + w + 1):
             a, b = y * width + ul - w, y * width + ur + d - s - w
             for x in range(2 * w + 1):

@@ -1,0 +1,115 @@
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from autowaze.vehicle.vision.extractor import FeatureExtractor
+from autowaze.vehicle.vision.orb import OrbDetector, level_quota, sampling_pattern
+from autowaze.vehicle.vision.pyramid import PyramidLayout
+from autowaze.vehicle.vision.settings import VisionSettings
+from autowaze.world.camera import StereoCamera
+from autowaze.world.features import CameraFeatures
+from autowaze.world.frame import Image, StereoFrame
+
+CAMERA = StereoCamera(fx=400.0, fy=400.0, cx=320.0, cy=120.0, baseline_m=0.5, width=640, height=240)
+SETTINGS = VisionSettings(n_features=800, n_features_right=1600)
+
+
+def _texture(width: int = 900, height: int = 240, seed: int = 1) -> Image:
+    """Blobs of many sizes."""
+    rng = np.random.default_rng(seed)
+    total = np.zeros((height, width), np.float32)
+    for sigma in (1.5, 3.0, 6.0, 12.0):
+        layer = cv2.GaussianBlur(rng.normal(0, 1, (height, width)).astype(np.float32), None, sigma)
+        total += layer / layer.std()
+    return np.clip(128 + 30 * total, 0, 255).astype(np.uint8)
+
+
+def _wall(disparity_px: float) -> StereoFrame:
+    """A textured wall that fills the view at one disparity."""
+    texture = _texture()
+    shift = np.float32([[1, 0, -disparity_px], [0, 1, 0]])
+    right = cv2.warpAffine(texture, shift, (900, 240), flags=cv2.INTER_CUBIC)
+    return StereoFrame(0, 0.0, texture[:, 100:740].copy(), np.asarray(right, np.uint8)[:, 100:740].copy())
+
+
+@pytest.fixture(scope="module")
+def extractor() -> FeatureExtractor:
+    return FeatureExtractor(CAMERA, SETTINGS)
+
+
+@pytest.mark.parametrize("disparity_px", [8.0, 20.25, 33.5])
+def test_a_wall_has_one_depth(extractor: FeatureExtractor, disparity_px: float) -> None:
+    features = extractor.extract(_wall(disparity_px))
+    matched = features[features.has_depth]
+    assert len(matched) > 0.6 * len(features)
+    measured = matched.uv[:, 0] - matched.u_right
+    assert np.median(measured) == pytest.approx(disparity_px, abs=0.05)
+    assert np.percentile(np.abs(measured - disparity_px), 90) < 0.5
+    np.testing.assert_allclose(matched.depth, CAMERA.bf / measured, rtol=1e-5)
+    np.testing.assert_allclose(CAMERA.project(matched.position_cam)[:, :2], matched.uv, atol=1e-2)
+
+
+def test_same_images_same_bits(extractor: FeatureExtractor) -> None:
+    frame = _wall(12.0)
+    assert _bytes(extractor.extract(frame)) == _bytes(FeatureExtractor(CAMERA, SETTINGS).extract(frame))
+
+
+def test_a_blank_image_has_no_features(extractor: FeatureExtractor) -> None:
+    blank = np.full((240, 640), 90, np.uint8)
+    assert len(extractor.extract(StereoFrame(0, 0.0, blank, blank))) == 0
+
+
+def test_features_cover_a_dim_half_of_the_image(extractor: FeatureExtractor) -> None:
+    frame = _wall(10.0)
+    dim = frame.left.copy()
+    dim[:, :320] = 40 + dim[:, :320] // 6
+    features = extractor.extract(StereoFrame(0, 0.0, dim, dim))
+    assert np.count_nonzero(features.uv[:, 0] < 320) > 0.3 * len(features)
+
+
+def test_a_feature_keeps_its_place_and_descriptor_when_the_image_is_turned() -> None:
+    layout = PyramidLayout.of(400, 400, 8, 1.2)
+    image = _texture(400, 400)
+    detector = OrbDetector(500, layout, 7)
+    upright, turned = detector.detect(image), detector.detect(np.rot90(image).copy())
+    back = np.stack([399 - turned.uv[:, 1], turned.uv[:, 0]], axis=1)  # where rot90 took the pixels from
+    offset = np.linalg.norm(back[None] - upright.uv[:, None], axis=2)
+    offset[upright.octave[:, None] != turned.octave[None]] = np.inf
+    same = np.flatnonzero(offset.min(axis=1) < 0.5)
+    assert len(same) > 0.8 * len(upright)
+    bits = np.unpackbits(upright.descriptor[same] ^ turned.descriptor[offset.argmin(axis=1)[same]], axis=1).sum(axis=1)
+    assert np.median(bits) < 30
+
+
+def test_coarse_levels_are_not_shifted() -> None:
+    """Multiplying level pixels by the scale would place a blob at level 7 more than a pixel off."""
+    centre = np.array([200.0, 150.0])
+    y, x = np.mgrid[:300, :400]
+    blob = np.exp(-((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / (2 * 9.0**2))
+    image = (40 + 180 * blob).astype(np.uint8)
+    found = OrbDetector(50, PyramidLayout.of(400, 300, 8, 1.2), 7).detect(image)
+    coarse = found[found.octave >= 5]
+    assert len(coarse)
+    assert np.linalg.norm(coarse.uv.mean(axis=0) - centre) < 1.0
+
+
+def test_quota_sums_to_the_number_of_features() -> None:
+    quota = level_quota(2000, PyramidLayout.of(1241, 376, 8, 1.2))
+    assert quota.sum() == 2000
+    assert (np.diff(quota) < 0).all()
+
+
+def test_the_sampling_pattern_is_the_one_of_stored_maps() -> None:
+    pattern = sampling_pattern()
+    assert pattern.shape == (256, 2, 2)
+    assert np.abs(pattern).max() <= 13
+    np.testing.assert_allclose(pattern.sum(), PATTERN_SUM, atol=1e-9)
+
+
+PATTERN_SUM = 0.0
+
+
+def _bytes(features: CameraFeatures) -> bytes:
+    return b"".join(np.ascontiguousarray(column).tobytes() for column in vars(features).values())

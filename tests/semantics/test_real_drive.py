@@ -43,11 +43,13 @@ def pose(trace, k):
 
 
 def as_detections(rows, shape):
-    """Label boxes with a mask in their middle, where the thing itself rather than its surroundings is seen."""
+    """Label boxes with a mask in their middle, where the thing itself is seen, less the boxes of nearer things."""
     masks = np.zeros((len(rows), *shape[:2]), np.bool_)
-    for mask, (x0, y0, x1, y1) in zip(masks, rows.box, strict=True):
+    for i in np.argsort(-rows.position_cam[:, 2]):
+        x0, y0, x1, y1 = rows.box[i]
         dx, dy = 0.08 * (x1 - x0), 0.12 * (y1 - y0)
-        mask[int(y0 + dy) : int(y1 - dy), int(x0 + dx) : int(x1 - dx)] = True
+        masks[:, int(y0) : int(y1), int(x0) : int(x1)] = False
+        masks[i, int(y0 + dy) : int(y1 - dy), int(x0 + dx) : int(x1 - dx)] = True
     label = np.array([LABEL_OF_KIND[kind] for kind in rows.kind], np.uint8)
     return Detections(rows.box.astype(np.float32), label, np.ones(len(rows), np.float32), masks)
 

@@ -20,7 +20,7 @@ from autowaze.vehicle.semantics.classes import kinds
 from autowaze.vehicle.semantics.instance_depth import InstanceDepths
 from autowaze.world.camera import StereoCamera
 from autowaze.world.instances import Detections, Tracks
-from autowaze.world.labels import ClassLabel
+from autowaze.world.labels import ClassLabel, is_vehicle
 from autowaze.world.pose import Pose
 
 
@@ -60,6 +60,7 @@ class Sort:
         self._hits = np.zeros(0, np.int64)
         self._age = np.zeros(0, np.int64)
         self._votes = np.zeros((0, len(ClassLabel)))
+        self._last_box = np.zeros((0, 4))
         self._next_id = 1
 
     def update(
@@ -86,6 +87,7 @@ class Sort:
         self._age[rows] = 0
         self._hits[rows] += 1
         self._votes[rows, detections.label] += detections.confidence
+        self._last_box[rows] = detections.box
         if self._billboards:
             self._billboards.place(rows, detections.box, detections.label, depths)
         tracks = self._report(rows, detections)
@@ -102,6 +104,10 @@ class Sort:
         enough = iou >= np.where(elsewhere, s.min_iou_elsewhere, s.min_iou)
         _assign(rows, np.where(same_kind & enough, np.where(elsewhere, iou - s.min_iou, iou), 0.0))
         _assign(rows, np.where(same_kind & agree & (containment >= s.min_containment), containment, 0.0))
+        # The depth of a thin person is easily that of the wall behind; nobody walks far in a frame.
+        still_there, _ = _overlaps(np.asarray(detections.box, np.float64), self._last_box)
+        thin = same_kind & ~is_vehicle(detections.label)[:, None] & (self._age == 0)[None, :]
+        _assign(rows, np.where(thin & (still_there >= s.min_iou), still_there, 0.0))
         return rows
 
     def _compare_depths(self, depths: InstanceDepths) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -127,6 +133,7 @@ class Sort:
         self._hits = np.concatenate([self._hits, np.zeros(n, np.int64)])
         self._age = np.concatenate([self._age, np.zeros(n, np.int64)])
         self._votes = np.concatenate([self._votes, np.zeros((n, len(ClassLabel)))])
+        self._last_box = np.concatenate([self._last_box, np.zeros((n, 4))])
         return first + np.arange(n)
 
     def _report(self, rows: NDArray[np.int64], detections: Detections) -> Tracks:
@@ -140,7 +147,7 @@ class Sort:
         if self._billboards:
             self._billboards.keep(keep)
         self._id, self._hits, self._age = self._id[keep], self._hits[keep], self._age[keep]
-        self._votes = self._votes[keep]
+        self._votes, self._last_box = self._votes[keep], self._last_box[keep]
 
     def _waits_in_map(self) -> NDArray[np.bool_]:
         """Tracks (T,) whose place is known and in view, and whose box moves as that of a standing object."""

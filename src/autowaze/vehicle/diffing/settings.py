@@ -15,8 +15,8 @@ class DiffSettings(BaseModel):
         min_localized_fraction: a window with fewer localized frames sends no removals.
         min_match_ratio: share of the features predicted visible that must match for a miss to mean anything; below
             it the light or the pose is to blame.
-        gone_match_ratio: a feature that matches in at most this share of the frames is not there; so is a
-            neighbourhood.
+        gone_match_ratio: a feature, or a neighbourhood of features, that matches in at most this share of the frames
+            is not there. Chance gives less than 0.05, a standing car 0.3 or more.
         min_group: features of a neighbourhood that must be looked for before its absence counts.
         neighbourhood_m: edge of the cells that features are grouped by.
         min_found_static, min_found_vehicle: frames that must have matched a new feature. Cars are passed in 6 to 12
@@ -37,7 +37,7 @@ class DiffSettings(BaseModel):
     max_position_sigma_m: float = Field(default=0.15, gt=0)
     min_localized_fraction: float = Field(default=0.5, ge=0, le=1)
     min_match_ratio: float = Field(default=0.25, ge=0, le=1)
-    gone_match_ratio: float = Field(default=0.1, ge=0, le=1)
+    gone_match_ratio: float = Field(default=0.15, ge=0, le=1)
     min_group: int = Field(default=4, ge=1)
     neighbourhood_m: float = Field(default=1.0, gt=0)
     min_found_static: int = Field(default=3, ge=1)

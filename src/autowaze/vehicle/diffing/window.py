@@ -167,18 +167,17 @@ class DiffWindow:
     def _note_stored(self, observation: FrameObservation, landmarks: Landmarks) -> None:
         """What the frame says about the stored features that it should have seen."""
         tracked, ground = observation.tracked, observation.ground
+        if ground is None:
+            return  # without dense depth nobody knows what is hidden
         matched = tracked.landmark_id[tracked.landmark_id >= 0]
         self._looked_for.add(matched, _MATCHED)
         missed = np.setdiff1d(tracked.visible_id, matched)
         rows = landmarks.rows(missed)
         rows = rows[rows >= 0]
         rows = rows[landmarks.map_id[rows] != 0]
-        points = landmarks.position[rows]
-        if ground is None:
-            self._looked_for.add(landmarks.id[rows], int(Sight.UNKNOWN))
-        else:
-            self._looked_for.add(landmarks.id[rows], sight_of(points, tracked.T_map_cam, ground.depth, ground.camera))
-            self._note_undescribed(observation, ground)
+        sight = sight_of(landmarks.position[rows], tracked.T_map_cam, ground.depth, ground.camera)
+        self._looked_for.add(landmarks.id[rows], sight)
+        self._note_undescribed(observation, ground)
 
     def _note_undescribed(self, observation: FrameObservation, ground: GroundObservation) -> None:
         """The same for stored features without descriptor, by what features lie where they should."""
@@ -189,9 +188,11 @@ class DiffWindow:
             return
         sight = sight_of(stored.position[near], tracked.T_map_cam, ground.depth, ground.camera)
         near, sight = near[sight != Sight.HIDDEN], sight[sight != Sight.HIDDEN]
-        features = observation.features[observation.features.has_depth & is_vehicle(observation.features.label)]
+        features = observation.features[observation.features.has_depth]
         seen = transform(tracked.T_map_cam, features.position_cam)
-        supported = _any_within(seen, stored.position[near], self.settings.known_radius_m)
+        # A vehicle that segmentation overlooks still stands there, but the ground under one that left is near, too.
+        on_vehicle, places, radius = is_vehicle(features.label), stored.position[near], self.settings.known_radius_m
+        supported = _any_within(seen[on_vehicle], places, radius) | _any_within(seen[~on_vehicle], places, radius / 2)
         self._looked_for_plain.add(near, np.where(supported, _MATCHED, sight))
 
     def _looked_for_rows(self, landmarks: Landmarks) -> LookedFor:

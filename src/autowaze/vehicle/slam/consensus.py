@@ -38,6 +38,7 @@ def pose_by_consensus(
     )
     if not found or inliers is None or len(inliers) < min_inliers:
         return None
-    T = inverse(make_pose(cv2.Rodrigues(rotation)[0], translation.ravel()))
+    R = np.asarray(cv2.Rodrigues(rotation)[0], dtype=np.float64)
+    T = inverse(make_pose(R, np.asarray(translation, dtype=np.float64).ravel()))
     T[:3, 3] += centre
     return T

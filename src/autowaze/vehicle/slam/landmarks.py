@@ -73,7 +73,7 @@ class Landmarks:
     @property
     def is_stored(self) -> NDArray[np.bool_]:
         """(N,) which landmarks belong to the stored map; their positions stay as they are."""
-        return self.map_id != 0
+        return np.asarray(self.map_id != 0)
 
     def add(self, **columns: NDArray[Any]) -> NDArray[np.int64]:
         """Append rows; columns not given are zero. Returns the new ids (n,)."""

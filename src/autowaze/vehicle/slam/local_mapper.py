@@ -66,7 +66,7 @@ class LocalMapper:
         pending, self._pending = self._pending, None
         solution = pending.solution.result()
         newest = pending.keyframes[-1]
-        moved = solution.T_map_cam[-1] @ inverse(newest.T_map_cam)
+        moved: Pose = solution.T_map_cam[-1] @ inverse(newest.T_map_cam)
         for keyframe, T in zip(pending.keyframes, solution.T_map_cam, strict=True):
             keyframe.T_map_cam = T
         rows = self.landmarks.rows(pending.point_id)

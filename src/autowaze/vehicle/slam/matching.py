@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -61,7 +63,7 @@ def _match(  # type: ignore[no-untyped-def]  # noqa: PLR0912
         u, v, r = pixel[i, 0], pixel[i, 1], radius[i]
         c0 = max(np.int64((u - r) / CELL_PX), 0)
         c1 = min(np.int64((u + r) / CELL_PX), n_columns - 1)
-        r0 = max(np.int64((v - r) / CELL_PX), 0)
+        r0: Any = max(np.int64((v - r) / CELL_PX), 0)
         r1 = min(np.int64((v + r) / CELL_PX), n_rows - 1)
         if u + r < 0.0 or v + r < 0.0 or c0 > c1 or r0 > r1:
             continue

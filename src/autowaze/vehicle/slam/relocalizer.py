@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -52,7 +54,7 @@ class Relocalizer:
 
     def _around(self, rows: NDArray[np.int64], T_map_cam: Pose) -> NDArray[np.int64]:
         offset = self.landmarks.position[rows, :2] - T_map_cam[:2, 3]
-        return rows[np.einsum("ij,ij->i", offset, offset) < self.settings.local_radius_m**2]
+        return np.asarray(rows[np.einsum("ij,ij->i", offset, offset) < self.settings.local_radius_m**2])
 
 
 @compiled
@@ -63,7 +65,8 @@ def _match_anywhere(words, skip, candidate_words, position, max_hamming, ratio):
     for i in range(n):
         if skip[i]:
             continue
-        best, best_distance, second = np.int64(-1), np.int64(257), np.int64(257)
+        best: Any = -1
+        best_distance, second = np.int64(257), np.int64(257)
         for j in range(m):
             distance = np.int64(hamming(words[i], candidate_words[j]))
             if distance >= second:

@@ -66,8 +66,9 @@ class Tracker:
         position = self._points_of(last)
         known = np.flatnonzero(np.isfinite(position[:, 0]) & ~last.frame.moving)
         for radius in _MOTION_RADII_PX[T_predicted is None :]:
-            T = last.T_map_cam if T_predicted is None else T_predicted
-            source, feature = self._match_last(frame, T, position[known], last.frame, known, radius)
+            near = last.T_map_cam if T_predicted is None else T_predicted
+            source, feature = self._match_last(frame, near, position[known], last.frame, known, radius)
+            T: Pose | None = near
             if T_predicted is None:
                 T = pose_by_consensus(position[source], frame.uv[feature], self.camera, _MIN_MOTION_INLIERS)
             if T is None or len(feature) < _MIN_MOTION_INLIERS:

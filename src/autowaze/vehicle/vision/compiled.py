@@ -17,9 +17,7 @@ def compiled(function: Callable[..., Any]) -> Any:
     return numba.njit(cache=True, nogil=True)(function)
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def popcount(_context: Any, word: Any) -> Any:
-    """Number of set bits of an integer; callable from compiled code only."""
+def _popcount(_context: Any, word: Any) -> Any:
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return builder.ctpop(arguments[0])
@@ -27,7 +25,11 @@ def popcount(_context: Any, word: Any) -> Any:
     return word(word), generate
 
 
+popcount: Any = intrinsic(_popcount)
+"""Number of set bits of an integer; callable from compiled code only."""
+
+
 @compiled
-def hamming(a, b):  # type: ignore[no-untyped-def]
+def hamming(a: Any, b: Any) -> Any:
     """Differing bits of two descriptors of four uint64 words each."""
     return popcount(a[0] ^ b[0]) + popcount(a[1] ^ b[1]) + popcount(a[2] ^ b[2]) + popcount(a[3] ^ b[3])

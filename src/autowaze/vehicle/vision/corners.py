@@ -7,6 +7,8 @@ edge fails along its direction, as it does in FAST; the least of those differenc
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -49,8 +51,8 @@ def segment_response(image: Image, out: Image) -> None:
     r = _RADIUS_PX
     h, w = image.shape
     centre = image[r : h - r, r : w - r]
-    bright: Image | None = None
-    dark: Image | None = None
+    bright: Any = None
+    dark: Any = None
     for dy, dx in _HALF_CIRCLE:
         one, opposite = (image[r + y : h - r + y, r + x : w - r + x] for y, x in ((dy, dx), (-dy, -dx)))
         upper, lower = cv2.max(one, opposite), cv2.min(one, opposite)

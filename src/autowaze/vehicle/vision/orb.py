@@ -63,7 +63,7 @@ def level_quota(n_features: int, layout: PyramidLayout) -> NDArray[np.int64]:
     share = 1.0 / layout.scale
     quota = np.rint(n_features * share / share.sum()).astype(np.int64)
     quota[-1] += n_features - quota.sum()
-    return quota
+    return np.asarray(quota)
 
 
 def sampling_pattern() -> NDArray[np.float64]:
@@ -72,7 +72,8 @@ def sampling_pattern() -> NDArray[np.float64]:
     Descriptors of stored maps depend on it, so it comes from integers alone and never changes: a linear congruential
     generator (Knuth's MMIX), sums of whose draws are nearly normal with a deviation of a fifth of the patch.
     """
-    state, points = 2024, []
+    state = 2024
+    points: list[tuple[float, float]] = []
     while len(points) < 16 * DESCRIPTOR_BYTES:
         draws = []
         for _ in range(8):
@@ -95,7 +96,7 @@ def _steered_pattern() -> NDArray[np.int8]:
 def _circle() -> NDArray[np.int64]:
     """Half width of each row of the moment's disc, (2 r + 1,)."""
     rows = np.arange(-_MOMENT_RADIUS_PX, _MOMENT_RADIUS_PX + 1)
-    return np.floor(np.sqrt(_MOMENT_RADIUS_PX**2 - rows**2 + 0.5)).astype(np.int64)
+    return np.asarray(np.floor(np.sqrt(_MOMENT_RADIUS_PX**2 - rows**2 + 0.5)), dtype=np.int64)
 
 
 _STEERED = _steered_pattern()

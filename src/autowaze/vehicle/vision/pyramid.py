@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -30,14 +31,14 @@ class PyramidLayout:
     @classmethod
     def of(cls, width: int, height: int, n_levels: int, scale_factor: float) -> PyramidLayout:
         """Layout for images of one size."""
-        scale = scale_factor ** np.arange(n_levels)
+        scale = np.asarray(scale_factor ** np.arange(n_levels), dtype=np.float64)
         widths = np.rint(width / scale).astype(np.int64)
         heights = np.rint(height / scale).astype(np.int64)
         offset = np.concatenate([[0], np.cumsum(widths * heights)[:-1]]).astype(np.int64)
         pixel = np.column_stack([width / widths, height / heights])
         return cls(widths, heights, offset, scale, pixel)
 
-    def to_image(self, xy_level: NDArray[np.floating], octave: NDArray[np.integer]) -> NDArray[np.float64]:
+    def to_image(self, xy_level: NDArray[Any], octave: NDArray[np.integer]) -> NDArray[np.float64]:
         """Image pixels (N, 2) of pixels (N, 2) of levels (N,); pixel centres lie at whole numbers on every level.
 
         Multiplying by the scale, as is often done, is off by half a level's pixel less half an image pixel.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,7 +73,8 @@ def _match_rows(  # type: ignore[no-untyped-def]
         band = 2.0 * scale[octave]
         first = max(np.int64(np.ceil(uv_left[i, 1] - band)), 0)
         last = min(np.int64(np.floor(uv_left[i, 1] + band)) + 1, last_row)
-        best, best_distance, second = np.int64(-1), np.int64(257), np.int64(257)
+        best: Any = -1
+        best_distance, second = np.int64(257), np.int64(257)
         for j in range(rows[min(first, last_row)], rows[last]):
             disparity = uv_left[i, 0] - uv_right[j, 0]
             if disparity < min_disparity - 2.0 or disparity > max_disparity:
@@ -114,7 +117,7 @@ def _refine(left, right, width, height, u_left, v, u_right):  # type: ignore[no-
     for y in range(row - w, row + w + 1):
         for x in range(ul - w, ul + w + 1):
             contrast += abs(np.int64(left[y * width + x]) - centre_left)
-    best = np.int64(0)
+    best: Any = 0
     for d in range(2 * s + 1):
         centre_right = np.int64(right[row * width + ur + d - s])
         total = np.int64(0)

@@ -1,0 +1,141 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from street import CAMERA, Street, drive, stored_map, straight_drive
+
+from autowaze.vehicle.slam.slam import StereoSlam
+from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
+from autowaze.world.feature_map import FeatureMap
+from autowaze.world.features import CameraFeatures
+from autowaze.world.labels import ClassLabel
+
+
+@pytest.fixture(scope="module")
+def street() -> Street:
+    return Street()
+
+
+@pytest.fixture(scope="module")
+def base_map(street: Street) -> FeatureMap:
+    slam = StereoSlam(CAMERA)
+    drive(slam, street, straight_drive(60))
+    return stored_map(slam)
+
+
+def _errors_m(frames: list[TrackedFrame], poses: list[np.ndarray]) -> np.ndarray:
+    return np.array([np.linalg.norm(f.T_map_cam[:3, 3] - T[:3, 3]) for f, T in zip(frames, poses, strict=True)])
+
+
+def test_odometry_follows_a_straight_drive(street: Street) -> None:
+    poses = straight_drive(60)
+    frames = drive(StereoSlam(CAMERA), street, poses)
+    assert {f.state for f in frames} == {TrackingState.ODOMETRY}
+    assert {f.reason for f in frames} == {""}
+    assert _errors_m(frames, poses)[-1] < 0.004 * 47.0
+
+
+def test_two_runs_are_byte_identical(street: Street) -> None:
+    def run() -> bytes:
+        slam = StereoSlam(CAMERA)
+        frames = drive(slam, street, straight_drive(25))
+        parts = [f.T_map_cam.tobytes() + f.covariance.tobytes() + f.landmark_id.tobytes() for f in frames]
+        return b"".join(parts) + slam.landmarks.position.tobytes()
+
+    assert run() == run()
+
+
+@pytest.mark.parametrize("prior", [(np.array([2.0, -2.0, 0.0]), 3.0), None])
+def test_a_second_drive_in_another_lane_localises_at_once(
+    street: Street, base_map: FeatureMap, prior: tuple[np.ndarray, float] | None
+) -> None:
+    poses = straight_drive(40, x_m=1.5)
+    frames = drive(StereoSlam(CAMERA, stored_map=base_map, position_prior=prior), street, poses, seed=5000)
+    assert {f.state for f in frames} == {TrackingState.LOCALIZED}
+    assert np.median(_errors_m(frames, poses)) < 0.1
+
+
+def test_stored_landmarks_stay_where_they_are(street: Street, base_map: FeatureMap) -> None:
+    slam = StereoSlam(CAMERA, stored_map=base_map)
+    drive(slam, street, straight_drive(20), seed=6000)
+    np.testing.assert_array_equal(slam.landmarks.position[slam.landmarks.is_stored], base_map.features.position)
+
+
+def test_odometry_bridges_the_end_of_the_map_and_says_so(street: Street, base_map: FeatureMap) -> None:
+    half = FeatureMap(base_map.features[base_map.features.position[:, 1] < 40.0])
+    poses = straight_drive(70)
+    frames = drive(StereoSlam(CAMERA, stored_map=half), street, poses, seed=7000)
+    assert frames[10].state == TrackingState.LOCALIZED
+    assert frames[-1].state == TrackingState.ODOMETRY
+    assert "stored map" in frames[-1].reason
+    assert _errors_m(frames, poses).max() < 0.3
+
+
+def test_a_covered_camera_is_lost_at_once_and_found_again(street: Street, base_map: FeatureMap) -> None:
+    poses = straight_drive(50)
+    slam = StereoSlam(CAMERA, stored_map=base_map)
+    covered = range(15, 30)
+    frames = []
+    for i, T in enumerate(poses):
+        features = CameraFeatures.empty() if i in covered else street.see(T, 8000 + i)
+        frames.append(slam.track(features, 0.1 * i, i))
+    slam.finish()
+    assert all(frames[i].state == TrackingState.LOST and frames[i].reason for i in covered)
+    assert frames[29].covariance[0, 0] > 100.0
+    assert frames[31].state == TrackingState.LOCALIZED
+    assert _errors_m(frames[31:], poses[31:]).max() < 0.2
+
+
+def test_a_teleported_car_starts_odometry_afresh_and_admits_it(street: Street) -> None:
+    slam = StereoSlam(CAMERA)
+    drive(slam, street, straight_drive(10))
+    elsewhere = Street(seed=77)
+    frames = [slam.track(elsewhere.see(T, 9000 + i), 5.0 + 0.1 * i, i) for i, T in enumerate(straight_drive(20))]
+    slam.finish()
+    assert frames[0].state == TrackingState.LOST
+    assert any("afresh" in f.reason for f in frames)
+    assert frames[-1].state == TrackingState.ODOMETRY
+    assert frames[-1].covariance[0, 0] > 1.0
+
+
+def test_traffic_does_not_steer_the_pose(street: Street) -> None:
+    """A third of the points belongs to cars that drive along with the camera."""
+    traffic = Street()
+    traffic.label[::3] = ClassLabel.CAR
+    poses = straight_drive(30)
+    slam = StereoSlam(CAMERA)
+    frames = []
+    for i, T in enumerate(poses):
+        traffic.offset[::3, 1] = 0.7 * i
+        frames.append(slam.track(traffic.see(T, 100 + i), 0.1 * i, i))
+    slam.finish()
+    assert _errors_m(frames, poses).max() < 0.15
+
+
+def test_features_known_to_move_never_become_landmarks(street: Street) -> None:
+    slam = StereoSlam(CAMERA)
+    for i, T in enumerate(straight_drive(5)):
+        features = street.see(T, i)
+        moving = features.uv[:, 0] < 300
+        frame = slam.track(features, 0.1 * i, i, moving=moving)
+        assert (frame.landmark_id[moving] == -1).all()
+    slam.finish()
+
+
+def test_parked_cars_become_landmarks_with_label_and_instance(street: Street) -> None:
+    parked = Street()
+    parked.label[::4] = ClassLabel.CAR
+    slam = StereoSlam(CAMERA)
+    frames = drive(slam, parked, straight_drive(10))
+    features = parked.see(straight_drive(10)[-1], 1000 + 9)
+    on_car = (features.label == ClassLabel.CAR) & (frames[-1].landmark_id >= 0)
+    assert on_car.sum() > 0.5 * (features.label == ClassLabel.CAR).sum()
+    rows = slam.landmarks.rows(frames[-1].landmark_id[on_car])
+    assert (slam.landmarks.label[rows] == ClassLabel.CAR).all()
+    assert (slam.landmarks.instance[rows] == ClassLabel.CAR).all()
+
+
+def test_too_few_features_do_not_start_a_drive() -> None:
+    frame = StereoSlam(CAMERA).track(CameraFeatures.empty(), 0.0, 0)
+    assert frame.state == TrackingState.INITIALIZING
+    assert "0 stereo features" in frame.reason

@@ -23,20 +23,22 @@ class _Part(BaseModel):
 class ParkingRow(_Part):
     """A row of bays along one side of a road."""
 
-    road: int = Field(0, ge=0, description="which road of the plan; for a lot, which aisle")
+    road: int = Field(default=0, ge=0, description="which road of the plan; for a lot, which aisle")
     side: Literal["left", "right"] = "right"
     kind: Literal["parallel", "perpendicular", "angled"] = "parallel"
-    count: int = Field(8, ge=1, le=200)
-    start_m: float = Field(0.0, ge=0.0, description="from the first place where parking is allowed")
-    driveways_after: tuple[int, ...] = Field((), description="bays that a driveway follows, counted from 1")
-    pitch_m: float | None = Field(None, gt=2.0, le=9.0, description="distance from bay to bay along the kerb")
+    count: int = Field(default=8, ge=1, le=200)
+    start_m: float = Field(default=0.0, ge=0.0, description="from the first place where parking is allowed")
+    driveways_after: tuple[int, ...] = Field(default=(), description="bays that a driveway follows, counted from 1")
+    pitch_m: float | None = Field(default=None, gt=2.0, le=9.0, description="distance from bay to bay along the kerb")
 
 
 class Parking(_Part):
     """How people park."""
 
     occupancy: Share = 0.75
-    sloppiness: float = Field(1.0, ge=0.0, le=3.0, description="scales the usual offset and angle; 0 parks perfectly")
+    sloppiness: float = Field(
+        default=1.0, ge=0.0, le=3.0, description="scales the usual offset and angle; 0 parks perfectly"
+    )
     kinds: tuple[CarKind, ...] = (
         "city",
         "hatch",
@@ -49,28 +51,28 @@ class Parking(_Part):
         "sports",
         "truck",
     )
-    vacant: tuple[str, ...] = Field((), description="spots kept free whatever the occupancy")
+    vacant: tuple[str, ...] = Field(default=(), description="spots kept free whatever the occupancy")
 
 
 class Traffic(_Part):
     """What moves."""
 
-    oncoming: int = Field(1, ge=0, le=20)
-    ahead: int = Field(0, ge=0, le=5, description="cars in the ego lane in front of the ego vehicle")
-    crossing: int = Field(0, ge=0, le=10, description="cars on the cross streets")
-    pedestrians: int = Field(4, ge=0, le=40)
-    crossing_pedestrians: int = Field(1, ge=0, le=10)
-    cyclists: int = Field(1, ge=0, le=10)
-    double_parked: int = Field(0, ge=0, le=3)
-    leaving: int = Field(0, ge=0, le=3, description="parked cars that pull out during the drive")
-    arriving: int = Field(0, ge=0, le=3, description="cars that park during the drive")
+    oncoming: int = Field(default=1, ge=0, le=20)
+    ahead: int = Field(default=0, ge=0, le=5, description="cars in the ego lane in front of the ego vehicle")
+    crossing: int = Field(default=0, ge=0, le=10, description="cars on the cross streets")
+    pedestrians: int = Field(default=4, ge=0, le=40)
+    crossing_pedestrians: int = Field(default=1, ge=0, le=10)
+    cyclists: int = Field(default=1, ge=0, le=10)
+    double_parked: int = Field(default=0, ge=0, le=3)
+    leaving: int = Field(default=0, ge=0, le=3, description="parked cars that pull out during the drive")
+    arriving: int = Field(default=0, ge=0, le=3, description="cars that park during the drive")
 
 
 class Light(_Part):
     """Sun and weather."""
 
-    date: str = Field("2024-06-12", pattern=r"^\d{4}-\d{2}-\d{2}$")
-    solar_time: float = Field(14.0, ge=0.0, lt=24.0, description="hours by the sun")
+    date: str = Field(default="2024-06-12", pattern=r"^\d{4}-\d{2}-\d{2}$")
+    solar_time: float = Field(default=14.0, ge=0.0, lt=24.0, description="hours by the sun")
     weather: Literal["clear", "hazy", "overcast", "dusk"] = "clear"
     wet: bool = False
 
@@ -78,11 +80,11 @@ class Light(_Part):
 class Effects(_Part):
     """What lens and sensor add; zero or false switches one off."""
 
-    exposure: float = Field(1.0, gt=0.0, le=8.0)
+    exposure: float = Field(default=1.0, gt=0.0, le=8.0)
     vignetting: Share = 0.25
-    motion_blur_ms: float = Field(2.0, ge=0.0, le=40.0)
-    noise: float = Field(1.0, ge=0.0, le=10.0, description="scales the noise of a clean industrial camera")
-    rectification_residual_px: float = Field(0.1, ge=0.0, le=2.0)
+    motion_blur_ms: float = Field(default=2.0, ge=0.0, le=40.0)
+    noise: float = Field(default=1.0, ge=0.0, le=10.0, description="scales the noise of a clean industrial camera")
+    rectification_residual_px: float = Field(default=0.1, ge=0.0, le=2.0)
     lens_dirt: Share = 0.0
     grey: bool = False
 
@@ -91,14 +93,14 @@ class Rig(_Part):
     """Stereo rig: a known one, or free with `name = "free"` and all numbers given."""
 
     name: Literal["kitti", "zed2i-720", "zed2i-540", "free"] = "kitti"
-    fx: float | None = Field(None, gt=0)
+    fx: float | None = Field(default=None, gt=0)
     cx: float | None = None
     cy: float | None = None
-    baseline_m: float | None = Field(None, gt=0)
-    width: int | None = Field(None, ge=64, le=4096)
-    height: int | None = Field(None, ge=48, le=4096)
-    mount_height_m: float = Field(1.65, gt=0.3, le=4.0)
-    pitch_deg: float = Field(0.0, ge=-20.0, le=20.0, description="positive looks down")
+    baseline_m: float | None = Field(default=None, gt=0)
+    width: int | None = Field(default=None, ge=64, le=4096)
+    height: int | None = Field(default=None, ge=48, le=4096)
+    mount_height_m: float = Field(default=1.65, gt=0.3, le=4.0)
+    pitch_deg: float = Field(default=0.0, ge=-20.0, le=20.0, description="positive looks down")
 
     @model_validator(mode="after")
     def _complete(self) -> Rig:
@@ -134,11 +136,11 @@ _RIGS = {
 class Ego(_Part):
     """How the ego vehicle drives."""
 
-    speed_kmh: float = Field(27.0, gt=1.0, le=90.0)
-    frames: int | None = Field(None, ge=1, le=100_000, description="stop after so many frames")
-    fps: float = Field(10.0, gt=0.1, le=60.0)
-    start_m: float = Field(0.0, ge=0.0, description="skip the beginning of the route")
-    start_time: float = Field(1_718_200_000.0, description="seconds since the epoch")
+    speed_kmh: float = Field(default=22.0, gt=1.0, le=90.0)
+    frames: int | None = Field(default=None, ge=1, le=100_000, description="stop after so many frames")
+    fps: float = Field(default=10.0, gt=0.1, le=60.0)
+    start_m: float = Field(default=0.0, ge=0.0, description="skip the beginning of the route")
+    start_time: float = Field(default=1_718_200_000.0, description="seconds since the epoch")
     gnss: bool = True
 
 
@@ -149,21 +151,23 @@ class StreetDescription(_Part):
     one drive to the next: which spots are taken, by what cars, traffic, noise.
     """
 
-    name: str = Field("street", min_length=1, max_length=80)
-    seed: int = Field(0, ge=0)
-    drive: int = Field(0, ge=0)
+    name: str = Field(default="street", min_length=1, max_length=80)
+    seed: int = Field(default=0, ge=0)
+    drive: int = Field(default=0, ge=0)
     layout: Literal["straight", "curved", "block", "lot"] = "straight"
-    length_m: float = Field(90.0, ge=40.0, le=400.0, description="between the crossings; a block's long side")
-    depth_m: float = Field(60.0, ge=40.0, le=300.0, description="a block's short side")
-    turn_deg: float = Field(25.0, ge=-90.0, le=90.0, description="how far a curved street turns, positive to the left")
-    heading_deg: float = Field(35.0, ge=0.0, lt=360.0, description="compass heading of the street")
+    length_m: float = Field(default=90.0, ge=40.0, le=400.0, description="between the crossings; a block's long side")
+    depth_m: float = Field(default=60.0, ge=40.0, le=300.0, description="a block's short side")
+    turn_deg: float = Field(
+        default=25.0, ge=-90.0, le=90.0, description="how far a curved street turns, positive to the left"
+    )
+    heading_deg: float = Field(default=35.0, ge=0.0, lt=360.0, description="compass heading of the street")
     frontage: Literal["terraces", "shops", "houses", "mixed"] = "mixed"
     trees: Share = 0.5
     clutter: Share = 0.5
-    latitude: float = Field(43.0845, gt=-89.0, lt=89.0)
-    longitude: float = Field(-77.6749, ge=-180.0, le=180.0)
+    latitude: float = Field(default=43.0845, gt=-89.0, lt=89.0)
+    longitude: float = Field(default=-77.6749, ge=-180.0, le=180.0)
     altitude_m: float = 150.0
-    rows: tuple[ParkingRow, ...] = Field((), description="empty: laid out by the seed")
+    rows: tuple[ParkingRow, ...] = Field(default=(), description="empty: laid out by the seed")
     parking: Parking = Parking()
     traffic: Traffic = Traffic()
     light: Light = Light()

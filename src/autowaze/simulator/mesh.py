@@ -207,6 +207,11 @@ def ellipsoid(centre: ArrayLike, radii: ArrayLike, sides: int = 10, rings: int =
     return shaped.moved(T)
 
 
+def shifted(point: ArrayLike, x: float, y: float, z: float) -> NDArray[np.float64]:
+    """A point (3,) moved."""
+    return np.asarray(point, np.float64) + np.array([x, y, z])
+
+
 def aligned_with(origin: ArrayLike, direction: ArrayLike) -> NDArray[np.float64]:
     """Transform (4, 4) that takes the z axis to a direction and the origin to a point."""
     z = np.asarray(direction, np.float64)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from autowaze.simulator.description import Parking
 from autowaze.simulator.mesh import planted
@@ -73,7 +74,7 @@ def park_cars(
     return cars
 
 
-def _parked_pose(bay: Bay, car: Thing, sloppiness: float, rng: np.random.Generator) -> np.ndarray:
+def _parked_pose(bay: Bay, car: Thing, sloppiness: float, rng: np.random.Generator) -> NDArray[np.float64]:
     """Where the car comes to stand: off the middle, a little askew, rarely over the line."""
     bad = rng.random() < 0.06 * sloppiness
     spread = sloppiness * (2.2 if bad else 1.0)

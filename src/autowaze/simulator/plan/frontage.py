@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import shapely
+from numpy.typing import NDArray
 from shapely import Polygon
 
 from autowaze.simulator.mesh import Mesh, box, planted
-from autowaze.simulator.plan.street_plan import Area, StreetPlan
+from autowaze.simulator.plan.street_plan import StreetPlan, polygonal
 from autowaze.simulator.scene import Scene
 from autowaze.simulator.things.buildings import build, draw_style
 from autowaze.simulator.things.ground import KERB_M
@@ -18,7 +18,7 @@ _SMALLEST_M = 5.0
 
 def build_frontages(scene: Scene, plan: StreetPlan, rng: np.random.Generator) -> None:
     """Fill private ground along every frontage."""
-    taken: Area = plan.asphalt.union(plan.pavement).buffer(-0.95)
+    taken = polygonal(plan.asphalt.union(plan.pavement).buffer(-0.95))
     driveways = [
         road.centre.beside(s, side * road.building_line_m(side)) for road in plan.roads for s, side in road.driveways
     ]
@@ -45,12 +45,13 @@ def build_frontages(scene: Scene, plan: StreetPlan, rng: np.random.Generator) ->
                 scene.add(mesh.moved(back), surface)
             if house:
                 _garden(scene, T, width, setback, driveways, rng)
-            taken = taken.union(footprint.buffer(-0.05))
+            taken = polygonal(taken.union(footprint.buffer(-0.05)))
             s += width + (float(rng.uniform(2.0, 4.5)) if house else 0.0)
-    shapely.prepare(taken)
 
 
-def _footprint(origin: np.ndarray, heading: np.ndarray, width: float, depth: float, setback: float) -> Polygon:
+def _footprint(
+    origin: NDArray[np.float64], heading: NDArray[np.float64], width: float, depth: float, setback: float
+) -> Polygon:
     along = np.array([np.cos(heading), np.sin(heading)])
     into = np.array([-along[1], along[0]])
     start = origin + 0.02 * along
@@ -61,7 +62,12 @@ def _footprint(origin: np.ndarray, heading: np.ndarray, width: float, depth: flo
 
 
 def _garden(
-    scene: Scene, T: np.ndarray, width: float, setback: float, driveways: list[np.ndarray], rng: np.random.Generator
+    scene: Scene,
+    T: NDArray[np.float64],
+    width: float,
+    setback: float,
+    driveways: list[NDArray[np.float64]],
+    rng: np.random.Generator,
 ) -> None:
     """A hedge, wall or fence towards the pavement with a gap for the path or the driveway."""
     style = str(rng.choice(["hedge", "wall", "low wall", "open"], p=[0.45, 0.2, 0.15, 0.2]))

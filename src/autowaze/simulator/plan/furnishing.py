@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from shapely import Point
 
 from autowaze.simulator.description import StreetDescription
@@ -44,7 +45,7 @@ def _place(
     scene: Scene,
     plan: StreetPlan,
     model: str,
-    at: np.ndarray,
+    at: NDArray[np.float64],
     heading: float,
     scale: float = 1.0,
     tint: tuple[int, int, int] = (255, 255, 255),
@@ -109,7 +110,7 @@ def _along_walls(
 
 
 def _around_car_park(scene: Scene, plan: StreetPlan, description: StreetDescription, rng: np.random.Generator) -> None:
-    ring = np.array(plan.asphalt.buffer(1.1, join_style="mitre").exterior.coords)  # type: ignore[union-attr]
+    ring = np.array(plan.asphalt.buffer(1.1, join_style="mitre").exterior.coords)
     for a, b in zip(ring[:-1], ring[1:], strict=True):
         length = float(np.linalg.norm(b - a))
         for slot, s in enumerate(np.arange(4.0, length - 2.0, 6.0)):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from shapely import MultiPolygon, Point, Polygon, box, union_all
 from shapely.affinity import rotate
+from shapely.geometry.base import BaseGeometry
 
 from autowaze.simulator.curve import Curve, bend, rounded
 from autowaze.simulator.description import ParkingRow, StreetDescription
@@ -16,6 +17,13 @@ from autowaze.world.georeference import Georeference
 from autowaze.world.parking import ParkingMap, ParkingSpot
 
 Area = Polygon | MultiPolygon
+
+
+def polygonal(geometry: BaseGeometry) -> Area:
+    """The parts of a geometry that have an area."""
+    parts = [part for part in getattr(geometry, "geoms", [geometry]) if isinstance(part, Polygon)]
+    return parts[0] if len(parts) == 1 else MultiPolygon(parts)
+
 
 DRIVEWAY_M = 4.2
 _APPROACH_M = 48.0
@@ -215,7 +223,7 @@ def _rows_by_seed(
             driveways = 0 if description.layout == "lot" else int(room // 30)
             count = int((room - driveways * DRIVEWAY_M) / pitch(kind))
             after = sorted({int(v) for v in rng.integers(2, max(3, count - 1), driveways)})
-            rows.append(ParkingRow(road=road, side=side, kind=kind, count=count, driveways_after=tuple(after)))  # type: ignore[arg-type]
+            rows.append(ParkingRow(road=road, side=side, kind=kind, count=count, driveways_after=tuple(after)))
     return tuple(rows)
 
 
@@ -264,7 +272,7 @@ def _asphalt(roads: list[Road], bays: list[Bay], lot: bool) -> Area:
     if lot:
         centres = union_all([bay.polygon for bay in bays] + [road.carriageway for road in roads])
         # the car park is one rectangle of asphalt
-        return centres.minimum_rotated_rectangle.buffer(0.4, join_style="mitre")  # type: ignore[no-any-return]
+        return polygonal(centres.minimum_rotated_rectangle.buffer(0.4, join_style="mitre"))
     lanes = union_all([road.carriageway for road in roads])
     lanes = lanes.buffer(_CORNER_RADIUS_M).buffer(-_CORNER_RADIUS_M)
     strips = []
@@ -279,18 +287,18 @@ def _asphalt(roads: list[Road], bays: list[Bay], lot: bool) -> Area:
             )
             strips.append(bay.polygon)
     joined = union_all([lanes, *strips]).buffer(0.6).buffer(-0.6)
-    return joined.simplify(0.01)  # type: ignore[no-any-return]
+    return polygonal(joined.simplify(0.01))
 
 
 def _pavement(roads: list[Road], asphalt: Area, lot: bool) -> Area:
     if lot:
-        return asphalt.buffer(2.0, join_style="mitre").difference(asphalt)  # type: ignore[no-any-return]
+        return polygonal(asphalt.buffer(2.0, join_style="mitre").difference(asphalt))
     bands = [
         road.strip(-LANE_M, road.building_line_m(side) + _UNDER_WALLS_M, 0.0, road.centre.length, side)
         for road in roads
         for side in (1, -1)
     ]
-    return union_all(bands).difference(asphalt).buffer(0)  # type: ignore[no-any-return]
+    return polygonal(union_all(bands).difference(asphalt).buffer(0))
 
 
 def _frontages(
@@ -298,7 +306,7 @@ def _frontages(
 ) -> list[Frontage]:
     kinds = {"mixed": ["terraces", "shops", "houses", "terraces"]}.get(description.frontage, [description.frontage])
     if description.layout == "lot":
-        ring = asphalt.buffer(5.0, join_style="mitre").exterior  # type: ignore[union-attr]
+        ring = asphalt.buffer(5.0, join_style="mitre").exterior
         corners = np.array(ring.coords)
         if not ring.is_ccw:
             corners = corners[::-1]
@@ -330,9 +338,9 @@ def _zebra_crossings(description: StreetDescription, roads: list[Road]) -> list[
     return crossings
 
 
-def site(plan: StreetPlan, margin_m: float = 60.0) -> Polygon:
+def site(plan: StreetPlan, margin_m: float = 60.0) -> Area:
     """A rectangle, turned with the street, around all of the plan."""
     turned = rotate(plan.asphalt, -plan.heading_rad, origin=Point(0, 0), use_radians=True)
     x0, y0, x1, y1 = turned.bounds
     around = box(x0 - margin_m, y0 - margin_m, x1 + margin_m, y1 + margin_m)
-    return rotate(around, plan.heading_rad, origin=Point(0, 0), use_radians=True)  # type: ignore[no-any-return]
+    return polygonal(rotate(around, plan.heading_rad, origin=Point(0, 0), use_radians=True))

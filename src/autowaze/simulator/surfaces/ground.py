@@ -21,11 +21,12 @@ def opaque(
     return np.concatenate([rgb, np.full((*rgb.shape[:2], 1), float(alpha))], -1).astype(np.uint8)
 
 
-def paint_asphalt(rng: np.random.Generator, size: int = 1792) -> NDArray[np.uint8]:
+def paint_asphalt(rng: np.random.Generator, size: int = 1536) -> NDArray[np.uint8]:
     """Worn asphalt with stones, stains and cracks; tiles."""
     tone = rng.uniform(78, 104)
-    field = tone + 7 * layered_noise(rng, size, size, 3, 5, 0.6)
-    field += 8.0 * grain(rng, size, size) + 7.0 * grain(rng, size, size, 1.4) + 4.0 * grain(rng, size, size, 3.5)
+    field = tone + 8 * layered_noise(rng, size, size, 3, 6, 0.65)
+    field += 9.0 * grain(rng, size, size) + 9.0 * grain(rng, size, size, 1.4)
+    field += 7.0 * grain(rng, size, size, 3.5) + 5.0 * grain(rng, size, size, 8.0)
     stains = np.zeros((size, size), np.float32)
     for _ in range(30):
         centre, axes = rng.integers(0, size, 2), rng.uniform(8, 60, 2)
@@ -33,8 +34,8 @@ def paint_asphalt(rng: np.random.Generator, size: int = 1792) -> NDArray[np.uint
             stains, _pixel(centre), _pixel(axes), float(rng.uniform(0, 180)), 0, 360, float(rng.uniform(-16, 9)), -1
         )
     field += cv2.GaussianBlur(stains, (0, 0), 5)
-    light_stones = grain(rng, size, size, 0.8) > 2.6
-    field[light_stones] += 34
+    for blur_px, threshold, tone_change in ((0.8, 2.6, 40), (2.2, 3.0, 45), (2.8, 3.0, -38)):
+        field[grain(rng, size, size, blur_px) > threshold] += tone_change
     return opaque(field, (1.0, 0.99, 0.965))
 
 
@@ -47,9 +48,10 @@ def paint_paving(rng: np.random.Generator, size: int = 1024) -> NDArray[np.uint8
     row = (y / h).astype(int)
     shifted = (x + (row % 2) * w / 2) % size
     column = (shifted / w).astype(int)
-    tones = rng.normal(0, 9, (rows, columns))
+    tones = rng.normal(0, 13, (rows, columns))
     field = rng.uniform(112, 150) + tones[row % rows, column % columns]
-    field += 5 * layered_noise(rng, size, size) + 7 * grain(rng, size, size)
+    field += 8 * layered_noise(rng, size, size, 6, 7, 0.7) + 8 * grain(rng, size, size, 0.7)
+    field -= 45 * (layered_noise(rng, size, size, 12, 5) > 2.3)
     joint = np.minimum(np.minimum(y % h, h - y % h) / 2.0, np.minimum(shifted % w, w - shifted % w) / 2.0)
     field -= 42 * np.clip(1.2 - joint, 0, 1)
     return opaque(field, (1.0, rng.uniform(0.93, 0.99), rng.uniform(0.86, 0.97)))

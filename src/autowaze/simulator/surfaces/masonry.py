@@ -9,7 +9,7 @@ from autowaze.simulator.surfaces.finish import TINTED
 from autowaze.simulator.surfaces.ground import opaque
 from autowaze.simulator.surfaces.noise import grain, layered_noise
 
-WALL_M = 3.2
+WALL_M = 6.4
 """Metres that one repeat of a wall covers."""
 
 WALL_COLOURS = {
@@ -28,7 +28,7 @@ WALL_COLOURS = {
 }
 
 
-def paint_wall(kind: str, rng: np.random.Generator, size: int = 768) -> NDArray[np.uint8]:
+def paint_wall(kind: str, rng: np.random.Generator, size: int = 1024) -> NDArray[np.uint8]:
     """A tintable wall: brick, render, stone or boards; tiles."""
     painter = {"brick": _brick, "render": _render, "stone": _stone, "boards": _boards}[kind]
     field = painter(rng, size)
@@ -49,42 +49,68 @@ def _courses(size: int, rows: int, columns: int) -> tuple[NDArray[np.int64], NDA
 
 
 def _brick(rng: np.random.Generator, size: int) -> NDArray[np.float64]:
-    row, column, edge = _courses(size, 40, 14)
-    tone = rng.normal(0, 17, (40, 14))
-    field = 205 + tone[row, column] + 9 * grain(rng, size, size, 0.6)
-    return np.where(edge < 1.4, 238 + 5 * grain(rng, size, size), field)
+    rows, columns = 96, 28
+    row, column, edge = _courses(size, rows, columns)
+    tone = rng.normal(0, 22, (rows, columns)) - 60 * (rng.random((rows, columns)) < 0.07)
+    field = 186 + tone[row, column] + 10 * grain(rng, size, size, 0.6)
+    soot = 10 * layered_noise(rng, size, size, 5, 6, 0.7)
+    return np.where(edge < 1.0, 244 + 6 * grain(rng, size, size), field) + soot
 
 
 def _render(rng: np.random.Generator, size: int) -> NDArray[np.float64]:
-    return np.asarray(
-        226
-        + 6 * grain(rng, size, size, 0.8)
-        + 5 * grain(rng, size, size, 2.5)
-        + 5 * layered_noise(rng, size, size, 6, 6, 0.7)
+    field = (
+        214
+        + 7 * grain(rng, size, size, 0.8)
+        + 8 * grain(rng, size, size, 2.5)
+        + 9 * layered_noise(rng, size, size, 6, 7, 0.75)
     )
+    stains = np.clip(layered_noise(rng, size, size, 7, 6, 0.65) - 1.1, 0.0, 1.0)
+    chipped = np.clip(layered_noise(rng, size, size, 16, 6, 0.7) - 2.0, 0.0, 0.5) > 0.12
+    field = field - 55 * stains - 50 * chipped
+    for _ in range(9):
+        _hairline(field, rng)
+    return np.asarray(field)
+
+
+def _hairline(field: NDArray[np.floating], rng: np.random.Generator) -> None:
+    """A crack in the plaster."""
+    size = len(field)
+    steps = int(rng.integers(60, 260))
+    heading = np.cumsum(rng.normal(0, 0.35, steps)) + rng.uniform(0, 2 * np.pi)
+    path = rng.integers(0, size, 2) + 1.5 * np.cumsum(np.stack([np.sin(heading), np.cos(heading)], -1), axis=0)
+    row, column = (path % size).astype(int).T
+    field[row, column] -= 70
+    field[(row + 1) % size, column] -= 40
 
 
 def _stone(rng: np.random.Generator, size: int) -> NDArray[np.float64]:
-    rows = int(rng.choice([8, 10]))
-    row, column, edge = _courses(size, rows, 5)
-    tone = rng.normal(0, 11, (rows, 5))
-    field = 216 + tone[row, column] + 8 * grain(rng, size, size, 1.0) + 6 * layered_noise(rng, size, size, 8, 5)
-    return np.where(edge < 2.2, field - 60, field)
+    rows = int(rng.choice([14, 18]))
+    row, column, edge = _courses(size, rows, 9)
+    tone = rng.normal(0, 17, (rows, 9))
+    field = (
+        204 + tone[row, column] + 10 * grain(rng, size, size, 1.0) + 11 * layered_noise(rng, size, size, 12, 6, 0.75)
+    )
+    return np.where(edge < 1.8, field - 75, field)
 
 
 def _boards(rng: np.random.Generator, size: int) -> NDArray[np.float64]:
-    boards = 22
-    y = np.mgrid[0:size, 0:size][0] / (size / boards)
-    tone = rng.normal(0, 4, boards)
-    field = 232 + tone[y.astype(int) % boards] - 26 * (y % 1.0) + 4 * grain(rng, size, size, 0.8)
-    return np.where(y % 1.0 > 0.93, field - 70, field)
+    boards = 44
+    y, x = np.mgrid[0:size, 0:size]
+    height = y / (size / boards)
+    tone = rng.normal(0, 6, boards)
+    board = height.astype(int) % boards
+    weather = np.repeat(layered_noise(rng, size, size // 8, 24, 5), 8, axis=1)[:, :size]
+    joint = np.abs(x - rng.integers(0, size, boards)[board]) < 1.5
+    field = 226 + tone[board] - 26 * (height % 1.0) + 5 * grain(rng, size, size, 0.8) + 9 * weather
+    return np.where((height % 1.0 > 0.90) | joint, field - 85, field)
 
 
 def paint_roof(rng: np.random.Generator, size: int = 768) -> NDArray[np.uint8]:
     """Rows of tiles or slates, tintable; tiles."""
-    row, column, edge = _courses(size, 16, 14)
-    y = np.mgrid[0:size, 0:size][0] / (size / 16)
-    tone = rng.normal(0, 16, (16, 14))
+    rows, columns = 30, 26
+    row, column, edge = _courses(size, rows, columns)
+    y = np.mgrid[0:size, 0:size][0] / (size / rows)
+    tone = rng.normal(0, 20, (rows, columns))
     field = 200 + tone[row, column] - 45 * (y % 1.0) + 8 * grain(rng, size, size, 0.7)
     return opaque(np.where(edge < 1.6, field - 55, field), (1.0, 1.0, 1.0), TINTED)
 

@@ -9,20 +9,55 @@ from numpy.typing import NDArray
 from autowaze.simulator.surfaces.finish import GLASS, MATTE, TINTED
 from autowaze.simulator.surfaces.noise import grain
 
-WINDOW_CELLS = 12
+WINDOW_CELLS = 28
 DOOR_CELLS = 4
 SHOP_CELLS = 6
 _CELL = 256
+_WINDOW_ROWS = (WINDOW_CELLS + DOOR_CELLS) // 4
 
-_SYLLABLES = "BA CO DEL FI GRO HAN JO KA LU MA NOR PE RO SA TI VER WIL ZO".split()
-_TRADES = "CAFE BAKERY OPTIK BOOKS FLORIST PIZZA BANK SHOES PHARMA HAIR MARKET DELI BIKES PRINT".split()
+_SYLLABLES = [
+    "BA",
+    "CO",
+    "DEL",
+    "FI",
+    "GRO",
+    "HAN",
+    "JO",
+    "KA",
+    "LU",
+    "MA",
+    "NOR",
+    "PE",
+    "RO",
+    "SA",
+    "TI",
+    "VER",
+    "WIL",
+    "ZO",
+]
+_TRADES = [
+    "CAFE",
+    "BAKERY",
+    "OPTIK",
+    "BOOKS",
+    "FLORIST",
+    "PIZZA",
+    "BANK",
+    "SHOES",
+    "PHARMA",
+    "HAIR",
+    "MARKET",
+    "DELI",
+    "BIKES",
+    "PRINT",
+]
 
 
 def window_cell(index: int) -> tuple[float, float, float, float]:
     """Left, top, right, bottom of a window, or from `WINDOW_CELLS` on of a door, in the atlas, 0..1."""
     row, column = divmod(index, 4)
-    inset = 2.0 / (4 * _CELL)
-    return column / 4 + inset, row / 4 + inset, (column + 1) / 4 - inset, (row + 1) / 4 - inset
+    x, y = 2.0 / (4 * _CELL), 2.0 / (_WINDOW_ROWS * _CELL)
+    return column / 4 + x, row / _WINDOW_ROWS + y, (column + 1) / 4 - x, (row + 1) / _WINDOW_ROWS - y
 
 
 def shop_cell(index: int) -> tuple[float, float, float, float]:
@@ -32,14 +67,22 @@ def shop_cell(index: int) -> tuple[float, float, float, float]:
 
 
 def paint_windows(rng: np.random.Generator, lit: float = 0.0) -> NDArray[np.uint8]:
-    """Atlas (1024, 1024, 4) of 12 windows and 4 doors; `lit` is the share of rooms with the lamp on."""
-    atlas = np.zeros((4 * _CELL, 4 * _CELL, 4), np.uint8)
-    frames = [(232, 230, 224), (64, 60, 56), (120, 84, 58), (206, 204, 198)]
+    """Atlas (2048, 1024, 4) of windows, a row of four per frame, and 4 doors; `lit` is the share of rooms with the lamp on."""
+    atlas = np.zeros((_WINDOW_ROWS * _CELL, 4 * _CELL, 4), np.uint8)
+    frames = [
+        (232, 230, 224),
+        (64, 60, 56),
+        (120, 84, 58),
+        (206, 204, 198),
+        (238, 238, 236),
+        (90, 40, 36),
+        (222, 214, 196),
+    ]
     for index in range(WINDOW_CELLS + DOOR_CELLS):
         row, column = divmod(index, 4)
         tile = atlas[row * _CELL : (row + 1) * _CELL, column * _CELL : (column + 1) * _CELL]
         if index < WINDOW_CELLS:
-            _window(tile, frames[index % 4], rng, rng.random() < lit)
+            _window(tile, frames[row], rng, rng.random() < lit)
         else:
             _door(tile, rng)
     return atlas

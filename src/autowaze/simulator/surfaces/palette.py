@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from autowaze.simulator.scene import Surface
-from autowaze.simulator.surfaces import foliage, ground, masonry, openings
+from autowaze.simulator.surfaces import foliage, ground, marks, masonry, openings
 from autowaze.simulator.surfaces.finish import MATTE
 from autowaze.simulator.surfaces.signs import paint_signs
 
@@ -49,5 +49,6 @@ def street_surfaces(seed: int, night: bool, autumn: bool) -> dict[str, Surface]:
         "awning": Surface(openings.paint_awning(rng(28))),
         "garage": Surface(openings.paint_garage(rng(29))),
         "signs": Surface(paint_signs()),
+        "wall-marks": Surface(marks.paint_marks(rng(30)), decal=True),
         "lamp": Surface(lamp, glow=2.5 if night else 0.0),
     }

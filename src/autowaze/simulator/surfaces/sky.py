@@ -58,15 +58,15 @@ def paint_surroundings(
     return _encoded(colour)
 
 
-def _directions(size: int) -> NDArray[np.float64]:
-    axis = ((np.arange(size) + 0.5) / size * 2 - 1) * PARABOLOID_REACH
+def _directions(size: int) -> NDArray[np.float32]:
+    axis = ((np.arange(size, dtype=np.float32) + 0.5) / size * 2 - 1) * PARABOLOID_REACH
     x, y = np.meshgrid(axis, axis)
     r2 = x**2 + y**2
     return np.stack([2 * x, 2 * y, 1 - r2], -1) / (1 + r2)[..., None]
 
 
 def _clouds(
-    direction: NDArray[np.float64], light: Illumination, rng: np.random.Generator, size: int
+    direction: NDArray[np.float32], light: Illumination, rng: np.random.Generator, size: int
 ) -> NDArray[np.float64]:
     field = layered_noise(rng, 1024, 1024, 3, 7, 0.55)
     # clouds lie in a plane overhead and crowd towards the horizon

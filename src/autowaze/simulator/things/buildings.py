@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from autowaze.simulator.mesh import Mesh, box, quads
+from autowaze.simulator.surfaces.marks import MARK_CELLS, mark_cell
 from autowaze.simulator.surfaces.masonry import ROOF_COLOURS, WALL_COLOURS, WALL_M
 from autowaze.simulator.surfaces.openings import DOOR_CELLS, SHOP_CELLS, WINDOW_CELLS, shop_cell, window_cell
 
@@ -101,6 +102,7 @@ class _Builder:
     corners: dict[str, list[list[Point3]]] = field(default_factory=dict)
     uvs: dict[str, list[list[tuple[float, float]]]] = field(default_factory=dict)
     tints: dict[str, list[tuple[int, int, int, int]]] = field(default_factory=dict)
+    texture_shift_m: tuple[float, float] = (0.0, 0.0)
 
     def quad(
         self, surface: str, ring: list[Point3], uv: list[tuple[float, float]], tint: RGB, light: float = 1.0
@@ -125,12 +127,9 @@ class _Builder:
         if x1 - x0 < 1e-3 or z1 - z0 < 1e-3:
             return
         if cell is None:
-            uv = [
-                (x0 / WALL_M, -z0 / WALL_M),
-                (x1 / WALL_M, -z0 / WALL_M),
-                (x1 / WALL_M, -z1 / WALL_M),
-                (x0 / WALL_M, -z1 / WALL_M),
-            ]
+            du, dz = self.texture_shift_m
+            u0, u1, v0, v1 = (x0 + du) / WALL_M, (x1 + du) / WALL_M, -(z0 + dz) / WALL_M, -(z1 + dz) / WALL_M
+            uv = [(u0, v0), (u1, v0), (u1, v1), (u0, v1)]
         else:
             left, top, right, bottom = cell
             uv = [(left, bottom), (right, bottom), (right, top), (left, top)]
@@ -168,13 +167,14 @@ class _Builder:
 
 def build(style: BuildingStyle, rng: np.random.Generator, driveway: bool = False) -> list[tuple[Mesh, str]]:
     """Meshes of a building with the names of their surfaces."""
-    b = _Builder(style, rng)
+    b = _Builder(style, rng, texture_shift_m=(float(rng.uniform(0, WALL_M)), float(rng.uniform(0, WALL_M))))
     wall = f"wall-{style.wall}"
     _upper_floors(b, wall)
     if style.shop is not None:
         _shop_floor(b)
     else:
         _ground_floor(b, wall, driveway)
+    _marks(b)
     _body(b, wall)
     {"flat": _flat_roof, "pitched": _pitched_roof, "mansard": _mansard_roof, "hipped": _pitched_roof}[style.roof](
         b, wall
@@ -197,21 +197,18 @@ def _upper_floors(b: _Builder, wall: str) -> None:
             x0 = (i + 0.5) * bay - s.window_width / 2
             x1 = x0 + s.window_width
             b.front(wall, x, x0, sill, head, tint=s.wall_tint)
-            _window(b, x0, x1, sill, head, i + floor)
+            _window(b, x0, x1, sill, head)
             x = x1
         b.front(wall, x, s.width, sill, head, tint=s.wall_tint)
         if s.balconies and floor < s.floors - 1 + (s.roof == "flat"):
             _balcony(b, (s.windows // 2 + 0.5) * bay, z0)
 
 
-def _window(b: _Builder, x0: float, x1: float, z0: float, z1: float, number: int) -> None:
+def _window(b: _Builder, x0: float, x1: float, z0: float, z1: float) -> None:
     s = b.style
-    cell = (
-        (s.window_cell // 4 * 4 + (s.window_cell + number * 5 + int(b.rng.integers(0, 2))) % 4)
-        if number % 3
-        else s.window_cell
-    )
-    b.opening(x0, x1, z0, z1, s.recess, "windows", window_cell(cell % WINDOW_CELLS), _TRIM)
+    # one frame for the whole building, another room behind each
+    cell = s.window_cell // 4 * 4 + int(b.rng.integers(0, 4))
+    b.opening(x0, x1, z0, z1, s.recess, "windows", window_cell(cell), _TRIM)
     b.solid("plain", (x0 - 0.10, -0.09, z0 - 0.10), (x1 + 0.10, 0.02, z0), _TRIM, 1.0)
     if s.wall in ("brick", "stone") or s.floors > 3:
         b.solid(
@@ -224,6 +221,21 @@ def _window(b: _Builder, x0: float, x1: float, z0: float, z1: float, number: int
     if s.wall == "boards":
         for side in (x0 - 0.42, x1 + 0.06):
             b.solid("plain", (side, -0.05, z0), (side + 0.36, 0.0, z1), s.roof_tint, 1.0)
+
+
+def _marks(b: _Builder) -> None:
+    """What hangs, grows or is sprayed on a wall; no two walls carry the same."""
+    s = b.style
+    for _ in range(int(b.rng.integers(5, 11))):
+        size = float(b.rng.uniform(0.25, 1.0))
+        x = float(b.rng.uniform(0.1, max(0.2, s.width - size - 0.1)))
+        low = float(b.rng.uniform(0.2, s.eaves - 1.2)) if b.rng.random() < 0.6 else float(b.rng.uniform(0.2, 2.0))
+        if s.shop is not None:
+            low = max(low, s.ground_m)
+        b.front("wall-marks", x, x + size, low, low + size, -0.012, cell=mark_cell(int(b.rng.integers(0, MARK_CELLS))))
+    if b.rng.random() < 0.8:
+        x = 0.12 if b.rng.random() < 0.5 else s.width - 0.2
+        b.solid("metal", (x, -0.10, 0.0), (x + 0.09, -0.01, s.eaves), (118, 120, 122), 1.0)
 
 
 def _balcony(b: _Builder, x: float, z: float) -> None:
@@ -261,7 +273,7 @@ def _ground_floor(b: _Builder, wall: str, driveway: bool) -> None:
         b.front(wall, left, right, base, sill, tint=s.wall_tint, light=0.95)
         b.front(wall, left, x0, sill, head, tint=s.wall_tint)
         b.front(wall, x1, right, sill, head, tint=s.wall_tint)
-        _window(b, x0, x1, sill, head, i)
+        _window(b, x0, x1, sill, head)
     if s.floors > 3:
         b.solid("plain", (-0.02, -0.08, s.ground_m - 0.18), (s.width + 0.02, 0.02, s.ground_m), _TRIM, 1.0)
 

@@ -36,7 +36,7 @@ _PLATE_INK: Colour = (26, 26, 28, MATTE)
 class CarPainter:
     """Draws on a car's texture in metres on the car."""
 
-    def __init__(self, body: Loft, size: int = 1024) -> None:
+    def __init__(self, body: Loft, size: int = 768) -> None:
         self.body, self.shape, self.size = body, body.shape, size
         self.texture: NDArray[np.uint8] = np.empty((size, size, 4), np.uint8)
         self.texture[:] = PAINT
@@ -75,7 +75,7 @@ class CarPainter:
         return np.asarray(np.round((uv * self.size - 0.5) * 16), np.int32)
 
 
-def paint_car(body: Loft, rng: np.random.Generator, size: int = 1024) -> NDArray[np.uint8]:
+def paint_car(body: Loft, rng: np.random.Generator, size: int = 768) -> NDArray[np.uint8]:
     """Texture (size, size, 4) of a car; alpha is the finish."""
     painter = CarPainter(body, size)
     _paint_side(painter, rng)

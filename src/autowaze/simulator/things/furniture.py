@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from autowaze.simulator.mesh import Mesh, box, planted, quads, revolved, tube
 from autowaze.simulator.scene import Model
@@ -119,6 +120,6 @@ def _tapered(foot: tuple[float, float], top: tuple[float, float], z0: float, z1:
     return quads([*sides, low[::-1]], [(0, 1), (1, 1), (1, 0), (0, 0)])
 
 
-def facing(x: float, y: float, z: float, towards_rad: float) -> np.ndarray:
+def facing(x: float, y: float, z: float, towards_rad: float) -> NDArray[np.float64]:
     """Pose of a thing whose front is -y, turned to face a direction."""
     return planted(x, y, z, towards_rad + np.pi / 2)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely import LineString, MultiPolygon, Point, Polygon
+from shapely import LineString, Point, Polygon
 
 from autowaze.simulator.mesh import Mesh, quads
 from autowaze.simulator.plan.roads import LANE_M, Bay, Road
-from autowaze.simulator.plan.street_plan import DRIVEWAY_M, Area, StreetPlan, site
+from autowaze.simulator.plan.street_plan import DRIVEWAY_M, Area, StreetPlan, polygonal, site
 from autowaze.simulator.scene import Scene
 from autowaze.simulator.surfaces import ground as surface
 
@@ -38,7 +38,7 @@ def add_ground(scene: Scene, plan: StreetPlan, rng: np.random.Generator) -> None
     """Everything horizontal, and the kerbs."""
     scene.add(flat_mesh(plan.asphalt, 0.0, surface.ASPHALT_M), "asphalt")
     scene.add(flat_mesh(plan.pavement, KERB_M, surface.PAVING_M), "paving")
-    rest = site(plan).difference(plan.asphalt).difference(plan.pavement)
+    rest = polygonal(site(plan).difference(plan.asphalt).difference(plan.pavement))
     scene.add(flat_mesh(rest, KERB_M, surface.GRASS_M), "grass")
     lowered = [
         (plan.roads[r].centre.beside(s, side * plan.roads[r].kerb_m(side)))
@@ -51,7 +51,9 @@ def add_ground(scene: Scene, plan: StreetPlan, rng: np.random.Generator) -> None
             strip = road.strip(
                 road.kerb_m(side) - 0.05, road.building_line_m(side), s - DRIVEWAY_M / 2, s + DRIVEWAY_M / 2, side
             )
-            scene.add(flat_mesh(strip.intersection(plan.pavement), KERB_M + 0.004, surface.ASPHALT_M), "asphalt")
+            scene.add(
+                flat_mesh(polygonal(strip.intersection(plan.pavement)), KERB_M + 0.004, surface.ASPHALT_M), "asphalt"
+            )
     _add_markings(scene, plan)
     _add_blemishes(scene, plan, rng)
 
@@ -60,11 +62,10 @@ def _kerbs(asphalt: Area, lowered: list[NDArray[np.float64]]) -> Mesh:
     """The step up from the road, along every edge of it, rounded on top."""
     strips = []
     for polygon in getattr(asphalt, "geoms", [asphalt]):
-        for ring in (polygon.exterior, *polygon.interiors):
+        for number, ring in enumerate((polygon.exterior, *polygon.interiors)):
             line = np.array(shapely.segmentize(ring, 1.0).coords)
-            # the road shall lie to the right
-            clockwise = not ring.is_ccw
-            strips.append(_kerb_strip(line if clockwise == (ring is polygon.exterior) else line[::-1], lowered))
+            # the road shall lie to the right: clockwise round its outside, the other way round a hole
+            strips.append(_kerb_strip(line[::-1] if ring.is_ccw == (number == 0) else line, lowered))
     return Mesh.concatenate(strips)
 
 
@@ -111,27 +112,20 @@ def _add_markings(scene: Scene, plan: StreetPlan) -> None:
     painted += _stop_lines(plan)
     paint = shapely.union_all(painted).intersection(plan.asphalt)
     if not paint.is_empty:
-        scene.add(flat_mesh(_areas(paint), _PAINT_LIFT_M, 2.0), "marking")
-
-
-def _areas(geometry: shapely.Geometry) -> Area:
-    """Only what has an area."""
-    parts = [g for g in getattr(geometry, "geoms", [geometry]) if isinstance(g, Polygon | MultiPolygon)]
-    return shapely.union_all(parts)  # type: ignore[no-any-return]
+        scene.add(flat_mesh(polygonal(paint), _PAINT_LIFT_M, 2.0), "marking")
 
 
 def _junctions(plan: StreetPlan) -> Area:
     """Where roads overlap, with some room."""
     overlaps = [a.carriageway.intersection(b.carriageway) for i, a in enumerate(plan.roads) for b in plan.roads[:i]]
-    return shapely.union_all(overlaps).buffer(7.0)  # type: ignore[no-any-return]
+    return polygonal(shapely.union_all(overlaps).buffer(7.0))
 
 
 def _bay_lines(bay: Bay) -> list[Polygon]:
     c = bay.corners
+    edges = [(c[1], c[2]), (c[3], c[0])]
     if bay.kind == "parallel":
         edges = [(c[0], c[1]), (c[2], c[3]), (c[3], c[0])]
-    else:
-        edges = [(c[1], c[2]), (c[3], c[0])]
     return [LineString(edge).buffer(_LINE_M / 2 * 0.85, cap_style="square") for edge in edges]
 
 
@@ -158,7 +152,7 @@ def _add_blemishes(scene: Scene, plan: StreetPlan, rng: np.random.Generator) -> 
     """Cracks, patches and the like: no two stretches of road look alike."""
     x0, y0, x1, y1 = plan.asphalt.bounds
     shapely.prepare(plan.asphalt)
-    count = int(plan.asphalt.area / 16.0)
+    count = int(plan.asphalt.area / 9.0)
     corners, uvs = [], []
     kinds = [(surface.CRACKS, 0.50, (1.2, 3.2)), (surface.TAR, 0.12, (1.5, 3.5)), (surface.PATCHES, 0.14, (0.9, 2.6)),
              (surface.MANHOLES, 0.05, (0.62, 0.75)), (surface.OIL, 0.10, (0.4, 1.1)), (surface.LITTER, 0.09, (0.6, 1.6))]  # fmt: skip

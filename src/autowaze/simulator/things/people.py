@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from autowaze.simulator.mesh import Mesh, ellipsoid, tube
+from autowaze.simulator.mesh import Mesh, ellipsoid, shifted, tube
 
 WALK_PHASES = 8
 STRIDE_M = 1.45
@@ -66,8 +66,8 @@ def _leg(side: float, swing: float, angle: float) -> list[Point]:
 @lru_cache(maxsize=OUTFITS)
 def _colours(outfit: int) -> tuple[tuple[int, int, int], ...]:
     rng = np.random.default_rng([outfit, 31])
-    pick = lambda colours: colours[int(rng.integers(0, len(colours)))]  # noqa: E731
-    return pick(_SKINS), pick(_CLOTHES), pick(_CLOTHES), pick(_HAIR)
+    palettes = (_SKINS, _CLOTHES, _CLOTHES, _HAIR)
+    return tuple(palette[int(rng.integers(0, len(palette)))] for palette in palettes)
 
 
 def _figure(
@@ -80,21 +80,21 @@ def _figure(
     for joints in legs:
         a, b, c = (np.array(j) for j in joints)
         parts += [tube(a, b, 0.092, 0.066, 8, trousers), tube(b, c, 0.066, 0.046, 8, trousers)]
-        parts.append(ellipsoid(c + [0.07, 0, -0.01], (0.14, 0.052, 0.05), 8, 5, (30, 28, 28, 255)))
+        parts.append(ellipsoid(shifted(c, 0.07, 0, -0.01), (0.14, 0.052, 0.05), 8, 5, (30, 28, 28, 255)))
     chest = hip + 0.62 * (shoulder - hip)
-    parts.append(ellipsoid(hip + [0, 0, 0.02], (0.13, 0.175, 0.14), 10, 7, trousers))
-    parts.append(ellipsoid(chest + [0, 0, -0.06], (0.135, 0.19, 0.24), 10, 8, top))
-    parts.append(ellipsoid(shoulder + [0, 0, -0.05], (0.105, 0.215, 0.11), 10, 7, top))
+    parts.append(ellipsoid(shifted(hip, 0, 0, 0.02), (0.13, 0.175, 0.14), 10, 7, trousers))
+    parts.append(ellipsoid(shifted(chest, 0, 0, -0.06), (0.135, 0.19, 0.24), 10, 8, top))
+    parts.append(ellipsoid(shifted(shoulder, 0, 0, -0.05), (0.105, 0.215, 0.11), 10, 7, top))
     for side, swing in zip((1.0, -1.0), arms or (0.0, 0.0), strict=True):
-        a = shoulder + [0.0, side * 0.205, -0.04]
+        a = shifted(shoulder, 0.0, side * 0.205, -0.04)
         if arms is None:
-            b, c = a + [0.24, side * 0.06, -0.18], a + [0.44, side * 0.02, -0.26]
+            b, c = shifted(a, 0.24, side * 0.06, -0.18), shifted(a, 0.44, side * 0.02, -0.26)
         else:
-            b, c = a + [0.16 * swing, side * 0.03, -0.28], a + [0.30 * swing + 0.06, side * 0.03, -0.53]
+            b, c = shifted(a, 0.16 * swing, side * 0.03, -0.28), shifted(a, 0.30 * swing + 0.06, side * 0.03, -0.53)
         parts += [tube(a, b, 0.056, 0.046, 7, top), tube(b, c, 0.046, 0.036, 7, top)]
-        parts.append(ellipsoid(c + [0.01, 0, -0.03], (0.045, 0.035, 0.06), 7, 5, skin))
-    head = shoulder + [0.05 + 0.2 * lean, 0.0, 0.21]
+        parts.append(ellipsoid(shifted(c, 0.01, 0, -0.03), (0.045, 0.035, 0.06), 7, 5, skin))
+    head = shifted(shoulder, 0.05 + 0.2 * lean, 0.0, 0.21)
     parts.append(tube(shoulder, head, 0.055, 0.055, 8, skin))
-    parts.append(ellipsoid(head + [0.01, 0, 0.0], (0.095, 0.078, 0.118), 10, 8, skin))
-    parts.append(ellipsoid(head + [-0.022, 0, 0.035], (0.095, 0.086, 0.105), 10, 8, hair))
+    parts.append(ellipsoid(shifted(head, 0.01, 0, 0.0), (0.095, 0.078, 0.118), 10, 8, skin))
+    parts.append(ellipsoid(shifted(head, -0.022, 0, 0.035), (0.095, 0.086, 0.105), 10, 8, hair))
     return Mesh.concatenate(parts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from autowaze.simulator.mesh import Mesh, grid_faces, tube, vertex_normals
 from autowaze.simulator.scene import Model
@@ -28,7 +29,7 @@ def tree(rng: np.random.Generator) -> Model:
     return Model(((Mesh.concatenate(wood), "bark"), (_crown(clumps, rng), "leaves")))
 
 
-def _crown(clumps: list[tuple[np.ndarray, float]], rng: np.random.Generator) -> Mesh:
+def _crown(clumps: list[tuple[NDArray[np.float64], float]], rng: np.random.Generator) -> Mesh:
     """Leaf clusters on cards, turned every way, brighter outside than inside."""
     middle = np.mean([c for c, _ in clumps], axis=0)
     positions, normals, uvs, tints = [], [], [], []

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from autowaze.simulator.mesh import Mesh, box, ellipsoid, grid_faces, tube
+from autowaze.simulator.mesh import Mesh, box, ellipsoid, grid_faces, shifted, tube
 
 BICYCLE_SIZE = (1.75, 0.55, 1.05)
 CYCLIST_SIZE = (1.75, 0.60, 1.80)
@@ -24,12 +25,12 @@ def bicycle() -> Mesh:
     for a, b in ((rear, crank), (rear, seat), (crank, seat), (crank, head * [1, 1, 0.92]), (seat * [1, 1, 0.93], head)):
         parts.append(tube(a, b, 0.018, sides=6, tint=_WHITE))
     parts += [
-        tube(front, head + [0.0, 0, 0.12], 0.018, sides=6, tint=_METAL),
-        tube(seat, seat + [-0.03, 0, 0.12], 0.014, sides=6, tint=_METAL),
+        tube(front, shifted(head, 0.0, 0, 0.12), 0.018, sides=6, tint=_METAL),
+        tube(seat, shifted(seat, -0.03, 0, 0.12), 0.014, sides=6, tint=_METAL),
     ]
-    bar = head + [-0.02, 0, 0.14]
-    parts.append(tube(bar + [0, -0.27, 0.02], bar + [0, 0.27, 0.02], 0.013, sides=6, tint=_METAL))
-    parts.append(ellipsoid(seat + [-0.03, 0, 0.14], (0.14, 0.075, 0.035), 9, 5, _BLACK))
+    bar = shifted(head, -0.02, 0, 0.14)
+    parts.append(tube(shifted(bar, 0, -0.27, 0.02), shifted(bar, 0, 0.27, 0.02), 0.013, sides=6, tint=_METAL))
+    parts.append(ellipsoid(shifted(seat, -0.03, 0, 0.14), (0.14, 0.075, 0.035), 9, 5, _BLACK))
     for angle in np.linspace(0, np.pi, 7)[:-1]:
         spoke = 0.32 * np.array([np.cos(angle), 0, np.sin(angle)])
         parts += [tube(hub - spoke, hub + spoke, 0.004, sides=3, tint=_METAL) for hub in (rear, front)]
@@ -46,8 +47,8 @@ def motorcycle() -> Mesh:
     parts.append(ellipsoid((-0.38, 0, 0.80), (0.42, 0.13, 0.075), 12, 7, _BLACK))
     parts.append(ellipsoid((-0.72, 0, 0.78), (0.20, 0.10, 0.07), 10, 6, _WHITE))
     for side in (-0.09, 0.09):
-        parts.append(tube(front + [0, side, 0], (0.46, side, 0.94), 0.03, sides=8, tint=_METAL))
-        parts.append(tube(rear + [0, side, 0], (-0.10, side * 1.3, 0.42), 0.028, sides=6, tint=_BLACK))
+        parts.append(tube(shifted(front, 0, side, 0), (0.46, side, 0.94), 0.03, sides=8, tint=_METAL))
+        parts.append(tube(shifted(rear, 0, side, 0), (-0.10, side * 1.3, 0.42), 0.028, sides=6, tint=_BLACK))
     parts.append(tube((0.44, -0.36, 1.02), (0.44, 0.36, 1.02), 0.016, sides=6, tint=_BLACK))
     parts.append(ellipsoid((0.55, 0, 0.90), (0.08, 0.10, 0.10), 10, 7, (208, 210, 212, 255)))
     parts.append(tube((-0.05, 0.16, 0.36), (-0.85, 0.20, 0.46), 0.045, sides=8, tint=_METAL))
@@ -55,7 +56,7 @@ def motorcycle() -> Mesh:
     return Mesh.concatenate(parts)
 
 
-def _wheel(centre: np.ndarray, radius: float, thickness: float) -> Mesh:
+def _wheel(centre: NDArray[np.float64], radius: float, thickness: float) -> Mesh:
     """A tyre: a torus about the y axis."""
     around, tube_angle = np.linspace(0, 2 * np.pi, 25), np.linspace(0, 2 * np.pi, 7)
     a, t = np.meshgrid(around, tube_angle, indexing="ij")

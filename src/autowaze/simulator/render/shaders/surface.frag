@@ -58,7 +58,7 @@ vec3 film(vec3 light) {
 }
 
 void main() {
-    vec4 texel = texture(surface, uv);
+    vec4 texel = texture(surface, uv, -0.5);
     float coverage = 1.0;
 #ifdef CUTOUT
     // sharpen what the mip levels blurred, so that leaves do not thin out with distance

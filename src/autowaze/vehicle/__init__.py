@@ -1,0 +1,1 @@
+"""On the car: stereo frames in, poses and semantic map diffs out."""

@@ -1,4 +1,4 @@
-"""Time per frame of feature extraction and tracking, and the odometry errors: `python benchmarks/slam_speed.py DRIVE…`."""
+"""Time per frame of extraction and tracking, and the odometry errors: `python benchmarks/slam_speed.py DRIVE...`."""
 
 from __future__ import annotations
 

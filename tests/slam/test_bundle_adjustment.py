@@ -110,4 +110,4 @@ def test_a_landmark_of_unknown_depth_tells_direction_only() -> None:
     known = optimize_pose(T[1], X, measured, information, np.ones(P), CAMERA)
     vague = optimize_pose(T[1], X, measured, information, np.ones(P), CAMERA, depth_error=2.0 * ray)
     assert vague.covariance[2, 2] > 2 * known.covariance[2, 2]
-    np.testing.assert_allclose(vague.covariance[3:, 3:].diagonal(), known.covariance[3:, 3:].diagonal(), rtol=0.5)
+    assert (vague.covariance.diagonal()[3:] < 4 * known.covariance.diagonal()[3:]).all()

@@ -21,6 +21,7 @@ BORDER_PX = 19  # half the descriptor's patch and what its rotation and blur nee
 _RADIUS_PX = 3
 _HALF_CIRCLE = ((-3, 0), (0, -3), (-2, -2), (-2, 2))  # rows and columns; the other half lies opposite
 _MAX_RANK = 64  # corners of one cell that compete
+_NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 
 class CornerFinder:
@@ -42,8 +43,12 @@ class CornerFinder:
         image, response = self._pyramid.levels[level], self._response[level]
         segment_response(image, response)
         strength = cv2.boxFilter(response, cv2.CV_16U, (3, 3), normalize=False)  # breaks ties between neighbours
+        peaks = cv2.compare(strength, cv2.dilate(strength, _NEIGHBOURS), cv2.CMP_EQ)
+        strong = cv2.threshold(response, self._threshold, 255, cv2.THRESH_BINARY)[1]
+        corners = cv2.bitwise_and(peaks, strong)
+        places = np.flatnonzero(corners)
         cell_px = max(np.sqrt(image.size / max(self._quota[level], 1)), 1.0)
-        return np.asarray(_spread_corners(response, strength, self._threshold, cell_px, self._quota[level]))
+        return np.asarray(_spread_corners(places, strength, cell_px, self._quota[level]))
 
 
 def segment_response(image: Image, out: Image) -> None:
@@ -62,31 +67,25 @@ def segment_response(image: Image, out: Image) -> None:
 
 
 @compiled
-def _spread_corners(response, strength, threshold, cell_px, quota):  # type: ignore[no-untyped-def]
-    """Local maxima, x and y (n, 2): the best of every cell, then the second best, until the quota is full."""
-    height, width = response.shape
+def _spread_corners(places, strength, cell_px, quota):  # type: ignore[no-untyped-def]
+    """Local maxima, x and y (n, 2): the best of every cell, then the second best, until the quota is full.
+
+    Of equally strong neighbours the last one in reading order is taken.
+    """
+    height, width = strength.shape
     n_columns = np.int64(width / cell_px) + 1
     n_cells = n_columns * (np.int64(height / cell_px) + 1)
-    capacity = response.size // 4
-    key = np.empty(capacity, np.int64)
+    key = np.empty(places.shape[0], np.int64)
     n = 0
-    for y in range(BORDER_PX, height - BORDER_PX):
-        for x in range(BORDER_PX, width - BORDER_PX):
-            if response[y, x] <= threshold:
-                continue
-            s = strength[y, x]
-            if (
-                s > strength[y - 1, x - 1]
-                and s > strength[y - 1, x]
-                and s > strength[y - 1, x + 1]
-                and s > strength[y, x - 1]
-                and s >= strength[y, x + 1]
-                and s >= strength[y + 1, x - 1]
-                and s >= strength[y + 1, x]
-                and s >= strength[y + 1, x + 1]
-            ):
-                key[n] = (-np.int64(s) << 32) + y * width + x
-                n += 1
+    for place in places:
+        y, x = place // width, place % width
+        if x < BORDER_PX or y < BORDER_PX or x >= width - BORDER_PX or y >= height - BORDER_PX:
+            continue
+        s = strength[y, x]
+        after = max(strength[y, x + 1], strength[y + 1, x - 1], strength[y + 1, x], strength[y + 1, x + 1])
+        if s > after:
+            key[n] = (-np.int64(s) << 32) + place
+            n += 1
     order = np.sort(key[:n])
     in_cell = np.zeros(n_cells, np.int64)
     rank = np.empty(n, np.int64)

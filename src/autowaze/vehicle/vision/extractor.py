@@ -40,6 +40,7 @@ class FeatureExtractor:
             min_disparity_px=self.settings.min_disparity_px,
             max_disparity_px=self.camera.bf / self.settings.min_depth_m,
             max_hamming=self.settings.max_hamming,
+            helper=self._right_thread,
         )
         depth = (self.camera.bf / (left.uv[:, 0] - u_right)).astype(np.float32)
         return CameraFeatures(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ def match_stereo(
     min_disparity_px: float,
     max_disparity_px: float,
     max_hamming: int,
+    helper: Executor,
 ) -> NDArray[np.float32]:
     """Column in the right image of each left feature, (N,) float32; NaN where none agrees.
 
@@ -34,30 +36,22 @@ def match_stereo(
         left_pyramid, right_pyramid: their scale pyramids.
         min_disparity_px, max_disparity_px: range of u_left - u_right.
         max_hamming: most differing bits.
+        helper: takes half of the work.
     """
     layout = left_pyramid.layout
     order = np.argsort(right.uv[:, 1], kind="stable")
     rows = np.searchsorted(right.uv[order, 1], np.arange(layout.height[0] + 1)).astype(np.int64)
-    u_right = _match_rows(
-        left.uv,
-        left.octave,
-        left.descriptor.view(np.uint64),
-        right.uv[order],
-        right.octave[order],
-        right.descriptor[order].view(np.uint64),
-        rows,
-        left_pyramid.block,
-        right_pyramid.block,
-        layout.width,
-        layout.height,
-        layout.offset,
-        layout.scale,
-        layout.pixel,
-        min_disparity_px,
-        max_disparity_px,
-        max_hamming,
-    )
-    return np.asarray(u_right)
+    candidates = right.uv[order], right.octave[order], right.descriptor[order].view(np.uint64), rows
+    images = left_pyramid.block, right_pyramid.block, layout.width, layout.height, layout.offset
+    limits = layout.scale, layout.pixel, min_disparity_px, max_disparity_px, max_hamming
+
+    def match(part: slice) -> NDArray[np.float32]:
+        words = left.descriptor[part].view(np.uint64)
+        return np.asarray(_match_rows(left.uv[part], left.octave[part], words, *candidates, *images, *limits))
+
+    half = len(left) // 2
+    second = helper.submit(match, slice(half, None))
+    return np.concatenate([match(slice(0, half)), second.result()])
 
 
 @compiled

@@ -21,7 +21,7 @@ from autowaze.cli.options import (
     show_progress,
 )
 from autowaze.cloud.service import CloudService
-from autowaze.evaluation.accuracy import confusion, read_truth
+from autowaze.evaluation.accuracy import Confusion, confusion, read_truth
 from autowaze.evaluation.datum import Start, starting_point, true_poses
 from autowaze.evaluation.drive import run_drive
 from autowaze.evaluation.latency import latency_metrics
@@ -115,18 +115,20 @@ def accuracy(
     methods = method or ["thesis", "fused"]
     network = segmenter(model)
     results: Results = {}
-    for name in methods:
-        totals = None
-        for path, spot_file, truth_file in zip(traces, spot_files, truth_files, strict=True):
-            source, parking = opened(path, cameras, frames), ParkingMap.from_geojson(spot_file)
-            cloud = CloudService(parking, method=name)
-            node = VehicleNode(source.camera, network, start=starting_point(source, parking, start), session=1)
-            run_drive(source, node, cloud.receive, show_progress)
+    totals = dict.fromkeys(methods, Confusion())
+    for path, spot_file, truth_file in zip(traces, spot_files, truth_files, strict=True):
+        source, parking = opened(path, cameras, frames), ParkingMap.from_geojson(spot_file)
+        clouds = {name: CloudService(parking, method=name) for name in methods}
+        node = VehicleNode(source.camera, network, start=starting_point(source, parking, start), session=1)
+        run_drive(
+            source, node, lambda message, c=clouds: [cloud.receive(message) for cloud in c.values()], show_progress
+        )
+        for name, cloud in clouds.items():
             counts = confusion(cloud.states, read_truth(truth_file))
-            totals = counts if totals is None else totals + counts
+            totals[name] += counts
             results[f"{source.name} {name}"] = counts.metrics()
-        if totals is not None and len(traces) > 1:
-            results[f"all {name}"] = totals.metrics()
+    if len(traces) > 1:
+        results.update({f"all {name}": counts.metrics() for name, counts in totals.items()})
     inputs = {"traces": [str(p) for p in traces], "methods": methods, "start": str(start), "model": str(model)}
     _deliver(f"accuracy (vacant is positive; start: {start})", inputs, results, json_file)
 

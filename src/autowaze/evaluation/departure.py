@@ -7,8 +7,10 @@ vehicle are gone as far as the car can tell, and the diffs should say so, and sa
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +42,18 @@ class ParkedVehicle:
     length_m: float
     width_m: float
     yaw: float
+
+    @classmethod
+    def from_file(cls, path: Path) -> list[ParkedVehicle]:
+        """Vehicles of a `vehicles.json`; the outline seen by LiDAR, where there is one, is nearer the truth."""
+        vehicles = []
+        for v in json.loads(path.read_text(encoding="utf-8"))["vehicles"]:
+            outline = v.get("lidar_extent") or {}
+            x, z = outline.get("center_xz") or (v["center_xyz"][0], v["center_xyz"][2])
+            length, width = (max(v[k], outline.get(k) or 0.0) for k in ("length", "width"))
+            centre = np.array([x, v["center_xyz"][1], z])
+            vehicles.append(cls(v["track_id"], centre, length, width, v["yaw"]))
+        return vehicles
 
     def holds(self, points_world: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Mask (N,) of the points (N, 3) over its footprint."""

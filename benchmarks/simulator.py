@@ -135,15 +135,13 @@ def _judge(trace: SimulatedTrace, frame: SimulatedFrame, segmenter: Segmenter, t
             else:
                 where = np.argwhere(truth).mean(axis=0).astype(int)
                 best = float(iou.max()) if len(iou) else 0.0
-                tally.missed.append(
-                    f"missed: {trace.name} frame {frame.stereo.index} id {id} {pixels} px at {where[::-1]} best IoU {best:.2f}"
-                )
+                at = f"{trace.name} frame {frame.stereo.index} id {id} at {where[::-1]}"
+                tally.missed.append(f"missed: {at}, {pixels} px, best IoU {best:.2f}")
     tally.detections += len(vehicles)
     for i in np.flatnonzero(best_of_detection < 0.5):
         tally.strange += 1
-        tally.missed.append(
-            f"strange: {trace.name} frame {frame.stereo.index} box {vehicles.box[i].astype(int)} {ClassLabel(vehicles.label[i]).name}"
-        )
+        box = vehicles.box[i].astype(int)
+        tally.missed.append(f"strange: {trace.name} frame {frame.stereo.index} box {box}")
 
 
 def _labels(trace: SimulatedTrace) -> dict[int, ClassLabel]:

@@ -13,6 +13,8 @@ from autowaze.world.camera import StereoCamera
 from autowaze.world.errors import AutowazeError
 
 CarKind = Literal["city", "hatch", "sedan", "estate", "suv", "minivan", "van", "pickup", "sports", "truck"]
+BayKind = Literal["parallel", "perpendicular", "angled"]
+Side = Literal["left", "right"]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
@@ -24,8 +26,8 @@ class ParkingRow(_Part):
     """A row of bays along one side of a road."""
 
     road: int = Field(default=0, ge=0, description="which road of the plan; for a lot, which aisle")
-    side: Literal["left", "right"] = "right"
-    kind: Literal["parallel", "perpendicular", "angled"] = "parallel"
+    side: Side = "right"
+    kind: BayKind = "parallel"
     count: int = Field(default=8, ge=1, le=200)
     start_m: float = Field(default=0.0, ge=0.0, description="from the first place where parking is allowed")
     driveways_after: tuple[int, ...] = Field(default=(), description="bays that a driveway follows, counted from 1")

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.simulator.actors import Actor
 from autowaze.simulator.ego import EgoMotion, drive_along
 from autowaze.simulator.gnss import receive_fixes
 from autowaze.simulator.parking import contact_shadow
 from autowaze.simulator.scene import Thing
 from autowaze.simulator.street import Street
-from autowaze.simulator.traffic import Actor, stage_traffic
+from autowaze.simulator.traffic import stage_traffic
 from autowaze.simulator.truth import VehicleState, is_vehicle, occupying_vehicle, vehicle_state
 from autowaze.world.frame import GnssFix
 

@@ -48,11 +48,11 @@ class EgoMotion:
     @property
     def frame_times(self) -> NDArray[np.float64]:
         """Seconds from the start, (F,)."""
-        return self.timestamps - self.timestamps[0]
+        return np.asarray(self.timestamps - self.timestamps[0])
 
     def position(self, time: NDArray[np.float64] | float) -> NDArray[np.float64]:
         """Points (..., 2) on the road at times from the start."""
-        return self.path.at(np.interp(time, self.time, self.s))
+        return self.path.at(np.asarray(np.interp(time, self.time, self.s)))
 
     def pose(self, time: float) -> NDArray[np.float64]:
         """T_map_cam at a time from the start; before it the vehicle came at its first speed."""

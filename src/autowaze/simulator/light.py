@@ -74,7 +74,7 @@ def illuminate(light: Light, latitude_deg: float, exposure: float, rng: np.rando
         sun, clouds, haze_per_m, night = 0.0 * sun, 0.6, 0.0020, 1.0
         sky, haze = np.array([0.20, 0.24, 0.36]), np.array([0.34, 0.33, 0.40])
     ground = 0.42 * sky * [1.0, 0.96, 0.90] + 0.13 * sun * height
-    gain = {"clear": 1.0, "hazy": 1.05, "overcast": 1.05, "dusk": 2.1}[light.weather] * exposure
+    gain = {"clear": 1.0, "hazy": 1.05, "overcast": 1.05, "dusk": 1.6}[light.weather] * exposure
     return Illumination(
         to_sun,
         _rgb(sun),

@@ -209,7 +209,7 @@ def ellipsoid(centre: ArrayLike, radii: ArrayLike, sides: int = 10, rings: int =
 
 def shifted(point: ArrayLike, x: float, y: float, z: float) -> NDArray[np.float64]:
     """A point (3,) moved."""
-    return np.asarray(point, np.float64) + np.array([x, y, z])
+    return np.asarray(np.asarray(point, np.float64) + np.array([x, y, z]))
 
 
 def aligned_with(origin: ArrayLike, direction: ArrayLike) -> NDArray[np.float64]:

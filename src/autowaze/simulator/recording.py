@@ -7,6 +7,7 @@ import multiprocessing
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -171,7 +172,7 @@ def _spot_truth(drive: Drive, views: list[dict[str, Any]]) -> dict[str, Any]:
             "vehicle_id": int(occupant[-1]) or None,
             "history": [
                 {"from_frame": a, "to_frame": b - 1, "vehicle_id": int(occupant[a]) or None}
-                for a, b in zip(changes[:-1], changes[1:], strict=True)
+                for a, b in pairwise(changes)
             ],
             "observable": len(seen) >= _OBSERVABLE_FRAMES,
             "seen_in_frames": seen,
@@ -180,7 +181,8 @@ def _spot_truth(drive: Drive, views: list[dict[str, Any]]) -> dict[str, Any]:
         }
     return {
         "rule": f"seen: centre within {SEEN_RANGE_M:g} m and {SEEN_VACANT:g} of the vacant spot (ground to 0.8 m) or "
-        f"{SEEN_VEHICLE:g} of the vehicle on it in view of the left camera; observable: seen in {_OBSERVABLE_FRAMES} frames",
+        f"{SEEN_VEHICLE:g} of the vehicle on it in view of the left camera; "
+        f"observable: seen in {_OBSERVABLE_FRAMES} frames",
         "frames": len(views),
         "spots": out,
     }

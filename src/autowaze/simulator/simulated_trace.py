@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from autowaze.simulator.description import StreetDescription
@@ -133,13 +134,13 @@ class SimulatedTrace:
         )
         rng = np.random.default_rng([self.description.seed, self.description.drive, 8])
         sky = paint_sky(street.light, rng)
-        around = street.plan.asphalt.buffer(_SHADOW_MARGIN_M).minimum_rotated_rectangle
+        around = shapely.minimum_rotated_rectangle(street.plan.asphalt.buffer(_SHADOW_MARGIN_M))
         return Renderer(
             scene,
             self.camera,
             street.light,
             self.description.effects,
-            np.array(around.exterior.coords)[:4],
+            shapely.get_coordinates(around)[:4],
             sky,
             paint_surroundings(street.light, sky, rng),
             paint_lens_dirt(rng),

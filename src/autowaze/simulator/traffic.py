@@ -99,7 +99,7 @@ def _double_park(street: Street, rng: np.random.Generator) -> tuple[list[Thing],
 
 
 def _parked_two_wheelers(street: Street, rng: np.random.Generator) -> list[Thing]:
-    things = []
+    things: list[Thing] = []
     for _ in range(int(rng.poisson(5 * street.description.clutter))):
         road = street.plan.roads[int(rng.integers(0, len(street.plan.roads)))]
         if road.pavement_m <= 0:

@@ -18,7 +18,7 @@ OCCUPIED_OVERLAP = 0.25
 """A spot is occupied while vehicles stand on at least this share of it."""
 SEEN_RANGE_M = 25.0
 SEEN_VACANT, SEEN_VEHICLE = 0.5, 0.25
-"""A frame sees a vacant spot when half of it (ground to 0.8 m) is in view, an occupied one with a quarter of the vehicle."""
+"""A frame sees a vacant spot with half of it (ground to 0.8 m) in view, an occupied one with a quarter of its car."""
 _OCCLUDED_M = 0.35
 _SAMPLE_HEIGHTS_M = (0.02, 0.4, 0.8)
 
@@ -144,8 +144,8 @@ def _facing_samples(vehicle: VehicleState, T_map_cam: Pose) -> NDArray[np.float6
     along = np.array([np.cos(vehicle.heading_rad), np.sin(vehicle.heading_rad)])
     across = np.array([-along[1], along[0]])
     steps, heights = np.linspace(-0.42, 0.42, 9), vehicle.centre[2] + vehicle.height * np.array([-0.2, 0.0, 0.2])
-    sides = [(along, across, vehicle.length, vehicle.width), (-along, across, vehicle.length, vehicle.width),
-             (across, along, vehicle.width, vehicle.length), (-across, along, vehicle.width, vehicle.length)]  # fmt: skip
+    sides = [(sign * along, across, vehicle.length, vehicle.width) for sign in (1, -1)]
+    sides += [(sign * across, along, vehicle.width, vehicle.length) for sign in (1, -1)]
     for outwards, sideways, deep, wide in sides:
         middle = vehicle.centre[:2] + 0.45 * deep * outwards
         if (T_map_cam[:2, 3] - middle) @ outwards <= 0:

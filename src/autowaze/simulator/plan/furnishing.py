@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 from shapely import Point
@@ -111,7 +113,7 @@ def _along_walls(
 
 def _around_car_park(scene: Scene, plan: StreetPlan, description: StreetDescription, rng: np.random.Generator) -> None:
     ring = np.array(plan.asphalt.buffer(1.1, join_style="mitre").exterior.coords)
-    for a, b in zip(ring[:-1], ring[1:], strict=True):
+    for a, b in pairwise(ring):
         length = float(np.linalg.norm(b - a))
         for slot, s in enumerate(np.arange(4.0, length - 2.0, 6.0)):
             at = a + (b - a) * (s + rng.normal(0, 0.4)) / length

@@ -10,7 +10,7 @@ from shapely.affinity import rotate
 from shapely.geometry.base import BaseGeometry
 
 from autowaze.simulator.curve import Curve, bend, rounded
-from autowaze.simulator.description import ParkingRow, StreetDescription
+from autowaze.simulator.description import BayKind, ParkingRow, Side, StreetDescription
 from autowaze.simulator.plan.roads import LANE_M, Bay, Road, make_bay, pitch, strip_width
 from autowaze.world.errors import AutowazeError
 from autowaze.world.georeference import Georeference
@@ -31,6 +31,7 @@ _APPROACH_M = 48.0
 _CLEAR_OF_CROSSING_M = 12.5
 _CORNER_RADIUS_M = 5.0
 _LANE_CENTRE_M = LANE_M / 2
+_SIDES: tuple[Side, ...] = ("right", "left")
 _UNDER_WALLS_M = 0.6
 """How far paving runs on under the buildings, so that no grass shows at their foot."""
 
@@ -214,12 +215,9 @@ def _rows_by_seed(
     rows = []
     for road in main_roads:
         room = roads[road].allowed[1] - roads[road].allowed[0]
-        for side in ("right", "left"):
-            kind = (
-                "perpendicular"
-                if description.layout == "lot"
-                else str(rng.choice(["parallel", "parallel", "perpendicular", "angled"]))
-            )
+        for side in _SIDES:
+            kinds: tuple[BayKind, ...] = ("parallel", "parallel", "perpendicular", "angled")
+            kind = "perpendicular" if description.layout == "lot" else kinds[int(rng.integers(0, len(kinds)))]
             driveways = 0 if description.layout == "lot" else int(room // 30)
             count = int((room - driveways * DRIVEWAY_M) / pitch(kind))
             after = sorted({int(v) for v in rng.integers(2, max(3, count - 1), driveways)})
@@ -261,8 +259,9 @@ def _lay_bays(
                 s += DRIVEWAY_M
         if s > road.allowed[1] + 0.5:
             raise AutowazeError(
-                f"rows: {row.count} {row.kind} bays on the {row.side} of road {row.road} need {s - road.allowed[0]:.0f} m, "
-                f"there are {road.allowed[1] - road.allowed[0]:.0f} m; make length_m larger or count smaller"
+                f"rows: {row.count} {row.kind} bays on the {row.side} of road {row.road} need "
+                f"{s - road.allowed[0]:.0f} m, there are {road.allowed[1] - road.allowed[0]:.0f} m; "
+                "make length_m larger or count smaller"
             )
         roads[row.road] = replace(road, driveways=(*road.driveways, *driveways))
     return bays, roads

@@ -23,7 +23,9 @@ def open_context(threads: int | None = None) -> Any:
     if threads is not None:
         os.environ["LP_NUM_THREADS"] = str(threads)
     try:
-        return moderngl.create_standalone_context(require=330, backend="egl", libgl="libGL.so.1", libegl="libEGL.so.1")
+        # through Any: the package's annotations take the backend's keywords for dictionaries
+        create: Any = moderngl.create_standalone_context
+        return create(require=330, backend="egl", libgl="libGL.so.1", libegl="libEGL.so.1")
     except Exception as error:  # moderngl raises plain Exception, ImportError or OSError by what is missing
         raise DependencyError(
             f"the simulator cannot open OpenGL on EGL ({error}); install it with: apt-get install {_PACKAGES}"

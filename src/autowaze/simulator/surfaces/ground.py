@@ -84,7 +84,7 @@ def paint_marking(rng: np.random.Generator, size: int = 512) -> NDArray[np.uint8
 
 
 def paint_blemishes(rng: np.random.Generator, size: int = 256) -> NDArray[np.uint8]:
-    """Atlas of 4 x 4 things that lie on a road: cracks, tar seams, patches, manholes, oil, leaves; RGBA with coverage."""
+    """Atlas of 4 x 4 things that lie on a road (cracks, tar, patches, manholes, oil, leaves); alpha is coverage."""
     atlas = np.zeros((4 * size, 4 * size, 4), np.uint8)
     painters = [_crack] * 5 + [_tar] * 2 + [_patch] * 3 + [_manhole] * 2 + [_oil] * 2 + [_litter] * 2
     for index, painter in enumerate(painters):

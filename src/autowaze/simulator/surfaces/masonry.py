@@ -54,7 +54,7 @@ def _brick(rng: np.random.Generator, size: int) -> NDArray[np.float64]:
     tone = rng.normal(0, 22, (rows, columns)) - 60 * (rng.random((rows, columns)) < 0.07)
     field = 186 + tone[row, column] + 10 * grain(rng, size, size, 0.6)
     soot = 10 * layered_noise(rng, size, size, 5, 6, 0.7)
-    return np.where(edge < 1.0, 244 + 6 * grain(rng, size, size), field) + soot
+    return np.asarray(np.where(edge < 1.0, 244 + 6 * grain(rng, size, size), field) + soot)
 
 
 def _render(rng: np.random.Generator, size: int) -> NDArray[np.float64]:
@@ -90,7 +90,7 @@ def _stone(rng: np.random.Generator, size: int) -> NDArray[np.float64]:
     field = (
         204 + tone[row, column] + 10 * grain(rng, size, size, 1.0) + 11 * layered_noise(rng, size, size, 12, 6, 0.75)
     )
-    return np.where(edge < 1.8, field - 75, field)
+    return np.asarray(np.where(edge < 1.8, field - 75, field))
 
 
 def _boards(rng: np.random.Generator, size: int) -> NDArray[np.float64]:
@@ -102,7 +102,7 @@ def _boards(rng: np.random.Generator, size: int) -> NDArray[np.float64]:
     weather = np.repeat(layered_noise(rng, size, size // 8, 24, 5), 8, axis=1)[:, :size]
     joint = np.abs(x - rng.integers(0, size, boards)[board]) < 1.5
     field = 226 + tone[board] - 26 * (height % 1.0) + 5 * grain(rng, size, size, 0.8) + 9 * weather
-    return np.where((height % 1.0 > 0.90) | joint, field - 85, field)
+    return np.asarray(np.where((height % 1.0 > 0.90) | joint, field - 85, field))
 
 
 def paint_roof(rng: np.random.Generator, size: int = 768) -> NDArray[np.uint8]:

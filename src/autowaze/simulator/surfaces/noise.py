@@ -13,7 +13,7 @@ Field = NDArray[np.float32]
 def layered_noise(
     rng: np.random.Generator, height: int, width: int, coarsest: int = 4, octaves: int = 6, persistence: float = 0.6
 ) -> Field:
-    """Fractal noise that tiles: octaves from `coarsest` cells across, each of half the size and `persistence` the weight."""
+    """Fractal noise that tiles: `coarsest` cells across, then octaves of half the size and `persistence` the weight."""
     field = np.zeros((height, width), np.float32)
     weight, cells = 1.0, coarsest
     for _ in range(octaves):

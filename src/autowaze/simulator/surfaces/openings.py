@@ -67,7 +67,7 @@ def shop_cell(index: int) -> tuple[float, float, float, float]:
 
 
 def paint_windows(rng: np.random.Generator, lit: float = 0.0) -> NDArray[np.uint8]:
-    """Atlas (2048, 1024, 4) of windows, a row of four per frame, and 4 doors; `lit` is the share of rooms with the lamp on."""
+    """Atlas (2048, 1024, 4) of windows, a row of four per frame, and 4 doors; `lit` is the share of lit rooms."""
     atlas = np.zeros((_WINDOW_ROWS * _CELL, 4 * _CELL, 4), np.uint8)
     frames = [
         (232, 230, 224),
@@ -127,13 +127,13 @@ def _window(tile: NDArray[np.uint8], frame: tuple[int, int, int], rng: np.random
     if rng.random() < 0.5:
         y = int(_CELL * rng.choice([0.3, 0.5]))
         cv2.rectangle(tile, (0, y - 6), (_CELL, y + 6), bar, -1)
-    cv2.rectangle(tile, (rim, rim), (_CELL - rim, _CELL - rim), tuple(int(c * 0.55) for c in frame) + (MATTE,), 3)
+    cv2.rectangle(tile, (rim, rim), (_CELL - rim, _CELL - rim), (*(int(c * 0.55) for c in frame), MATTE), 3)
 
 
 def _door(tile: NDArray[np.uint8], rng: np.random.Generator) -> None:
     colour = rng.integers(28, 120, 3)
     tile[..., :3], tile[..., 3] = colour, MATTE
-    dark = tuple(int(c * 0.6) for c in colour) + (MATTE,)
+    dark = (*(int(c * 0.6) for c in colour), MATTE)
     for y0, y1 in ((0.10, 0.45), (0.53, 0.92)):
         for x0, x1 in ((0.14, 0.45), (0.55, 0.86)):
             cv2.rectangle(tile, (int(x0 * _CELL), int(y0 * _CELL)), (int(x1 * _CELL), int(y1 * _CELL)), dark, 5)

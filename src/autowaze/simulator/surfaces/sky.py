@@ -62,7 +62,7 @@ def _directions(size: int) -> NDArray[np.float32]:
     axis = ((np.arange(size, dtype=np.float32) + 0.5) / size * 2 - 1) * PARABOLOID_REACH
     x, y = np.meshgrid(axis, axis)
     r2 = x**2 + y**2
-    return np.stack([2 * x, 2 * y, 1 - r2], -1) / (1 + r2)[..., None]
+    return np.asarray(np.stack([2 * x, 2 * y, 1 - r2], -1) / (1 + r2)[..., None], np.float32)
 
 
 def _clouds(

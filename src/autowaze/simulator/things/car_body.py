@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from autowaze.simulator.mesh import Mesh, grid_faces, vertex_normals
+from autowaze.simulator.mesh import Mesh, grid_faces, shifted, vertex_normals
 from autowaze.simulator.things.car_shapes import CarShape
 
 NOSE_M, TAIL_M = 0.17, 0.11
@@ -141,7 +141,7 @@ def _end_caps(
         rim = np.arange(section * across, (section + 1) * across)
         middle = position[rim].mean(axis=0)
         inner = middle + (position[rim] - middle) * [1.0, 0.75, 0.75] + [sign * 0.035, 0.0, 0.0]
-        hub = inner.mean(axis=0, keepdims=True) + [[sign * 0.01, 0.0, 0.0]]
+        hub = shifted(inner.mean(axis=0), sign * 0.01, 0.0, 0.0)[None]
         a, b = rim[:-1], rim[1:]
         c, d = first + 1 + np.arange(across - 1), first + np.arange(across - 1)
         triangles = np.concatenate(

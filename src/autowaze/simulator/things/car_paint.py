@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from autowaze.simulator.surfaces.finish import GLASS, MATTE, TINTED
 from autowaze.simulator.surfaces.noise import layered_noise
-from autowaze.simulator.things.car_body import Loft, atlas_uv
+from autowaze.simulator.things.car_body import TAIL_M, Loft, atlas_uv
 
 Colour = tuple[int, int, int, int]
 
@@ -93,7 +94,7 @@ def _curve(xs: NDArray[np.float64], zs: NDArray[np.float64]) -> list[tuple[float
 
 
 def _paint_side(p: CarPainter, rng: np.random.Generator) -> None:
-    shape, body = p.shape, p.body
+    shape = p.shape
     half = shape.length / 2
     x = np.linspace(-half, half, 160)
     trim = shape.lower_edge(x) + (0.10 if shape.kind in ("suv", "pickup") else 0.045)
@@ -149,7 +150,7 @@ def _paint_side_windows(p: CarPainter) -> None:
     if not shape.blind_rear:
         p.polygon("side", _curve(x, upper + 0.02) + _curve(x[::-1], lower[::-1] - 0.025), _RUBBER)
     edges = [float(x[0]) - 0.05, *sorted(shape.pillars), float(x[-1]) + 0.05]
-    for index, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    for index, (a, b) in enumerate(pairwise(edges)):
         if shape.blind_rear and index == 0:
             continue
         m = (x > a + 0.045) & (x < b - 0.045)
@@ -179,7 +180,7 @@ def _paint_top(p: CarPainter) -> None:
 
     pane(shape.roof_front + 0.03, shape.cowl[0] - 0.02, 0.075)
     if shape.kind != "truck":
-        pane(max(shape.rear_glass[0], -half + TAIL_EDGE_M) + 0.05, shape.roof_rear - 0.04, 0.10)
+        pane(max(shape.rear_glass[0], -half + TAIL_M) + 0.05, shape.roof_rear - 0.04, 0.10)
     x = np.linspace(shape.cowl[0] + 0.05, half - 0.18, 20)
     edge = np.interp(x, body.x, body.roof_half_width)
     for sign in (1.0, -1.0):
@@ -214,12 +215,9 @@ def _paint_top(p: CarPainter) -> None:
         p.line("top", [(start, -w), (start, w)], _SEAM, 2)
     if shape.rails:
         x = np.linspace(shape.roof_rear + 0.1, shape.roof_front - 0.1, 12)
-        w = np.interp(x, body.x, body.roof_half_width)
+        rail = np.interp(x, body.x, body.roof_half_width)
         for sign in (1.0, -1.0):
-            p.line("top", _curve(x, sign * (w - 0.10)), _CHROME if shape.kind == "estate" else _RUBBER, 6)
-
-
-TAIL_EDGE_M = 0.11
+            p.line("top", _curve(x, sign * (rail - 0.10)), _CHROME if shape.kind == "estate" else _RUBBER, 6)
 
 
 def _paint_front(p: CarPainter, rng: np.random.Generator) -> None:

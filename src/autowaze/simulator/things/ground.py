@@ -17,6 +17,16 @@ KERB_M = 0.13
 _PAINT_LIFT_M, _BLEMISH_LIFT_M = 0.012, 0.006
 _LINE_M = 0.12
 
+_BLEMISHES = (
+    (surface.CRACKS, 0.50, (1.2, 3.2)),
+    (surface.TAR, 0.12, (1.5, 3.5)),
+    (surface.PATCHES, 0.14, (0.9, 2.6)),
+    (surface.MANHOLES, 0.05, (0.62, 0.75)),
+    (surface.OIL, 0.10, (0.4, 1.1)),
+    (surface.LITTER, 0.09, (0.6, 1.6)),
+)
+"""Cells of the atlas, how common, and size in metres."""
+
 
 def flat_mesh(
     area: Area, height_m: float, texture_m: float, tint: tuple[int, int, int, int] = (255, 255, 255, 255)
@@ -154,12 +164,10 @@ def _add_blemishes(scene: Scene, plan: StreetPlan, rng: np.random.Generator) -> 
     shapely.prepare(plan.asphalt)
     count = int(plan.asphalt.area / 9.0)
     corners, uvs = [], []
-    kinds = [(surface.CRACKS, 0.50, (1.2, 3.2)), (surface.TAR, 0.12, (1.5, 3.5)), (surface.PATCHES, 0.14, (0.9, 2.6)),
-             (surface.MANHOLES, 0.05, (0.62, 0.75)), (surface.OIL, 0.10, (0.4, 1.1)), (surface.LITTER, 0.09, (0.6, 1.6))]  # fmt: skip
-    weights = np.array([w for _, w, _ in kinds])
+    weights = np.array([w for _, w, _ in _BLEMISHES])
     for _ in range(count):
         at = rng.uniform((x0, y0), (x1, y1))
-        cells, _, sizes = kinds[int(rng.choice(len(kinds), p=weights / weights.sum()))]
+        cells, _, sizes = _BLEMISHES[int(rng.choice(len(_BLEMISHES), p=weights / weights.sum()))]
         size, angle = rng.uniform(*sizes), rng.uniform(0, 2 * np.pi)
         if cells in (surface.PATCHES, surface.MANHOLES):
             angle = plan.heading_rad + rng.normal(0, 0.05)

@@ -22,10 +22,12 @@ class SpotRaster(NamedTuple):
 
     Attributes:
         codes: (C,) int64 ascending, `cell_codes` of the cells whose centres lie in the spot.
+        centre: (C, 2) float64, their centres in map metres.
         core: (C,) bool, those that lie off its edges by the margin.
     """
 
     codes: NDArray[np.int64]
+    centre: NDArray[np.float64]
     core: NDArray[np.bool_]
 
 
@@ -90,7 +92,8 @@ class SpotIndex:
         x, y = (ix + 0.5) * CELL_M, (iy + 0.5) * CELL_M
         inside = shapely.contains_xy(self.polygons[spot], x, y)
         core = shapely.contains_xy(shapely.buffer(self.polygons[spot], -MARGIN_M), x[inside], y[inside])
-        return SpotRaster(cell_codes(ix[inside], iy[inside]), core if core.any() else np.ones_like(core))
+        centre = np.stack([x[inside], y[inside]], axis=1)
+        return SpotRaster(cell_codes(ix[inside], iy[inside]), centre, core if core.any() else np.ones_like(core))
 
 
 def cell_codes(ix: NDArray[np.integer], iy: NDArray[np.integer]) -> NDArray[np.int64]:

@@ -11,7 +11,9 @@ NOBODY = np.zeros(0, np.int64)
 NOTHING = np.zeros((0, 3))
 
 
-def candidates(n: int, label: ClassLabel, instance: int = 0, found: int = 10, sigma: float = 0.1) -> Candidates:
+def candidates(
+    n: int, label: ClassLabel, instance: int = 0, found: int = 10, sigma: float = 0.1, deviation: float = 0.0
+) -> Candidates:
     rng = np.random.default_rng(n)
     return Candidates(
         landmark_id=np.arange(n),
@@ -20,6 +22,7 @@ def candidates(n: int, label: ClassLabel, instance: int = 0, found: int = 10, si
         instance=np.full(n, instance),
         found=np.full(n, found),
         depth_sigma_m=np.full(n, sigma),
+        deviation_m=np.full(n, deviation),
     )
 
 
@@ -31,6 +34,11 @@ def test_flickers_and_far_features_wait() -> None:
     once, far = candidates(9, ClassLabel.BACKGROUND, found=1), candidates(9, ClassLabel.BACKGROUND, sigma=2.0)
     assert len(new_features(once, NOBODY, NOTHING, SETTINGS, 50_000)) == 0
     assert len(new_features(far, NOBODY, NOTHING, SETTINGS, 50_000)) == 0
+
+
+def test_a_landmark_that_drifted_from_where_it_was_seen_is_no_feature() -> None:
+    runaway = candidates(9, ClassLabel.BACKGROUND, deviation=1e6)
+    assert len(new_features(runaway, NOBODY, NOTHING, SETTINGS, 50_000)) == 0
 
 
 def test_cars_are_passed_in_few_frames() -> None:

@@ -13,6 +13,7 @@ from autowaze.world.labels import ClassLabel, is_movable, is_vehicle
 
 _SPREAD_M = 0.5
 """Static features are spread over cells of this edge before the best-seen are kept."""
+_SIGMAS = 3.0
 _KNOWN_FRACTION = 0.5
 """An instance of which this share lies on stored vehicle features is the stored one."""
 _BYTES_PER_DESCRIBED, _BYTES_PER_PLAIN = 43, 6  # on the wire, after compression, seen on real streets
@@ -29,6 +30,7 @@ class Candidates:
         label: (N,) uint8, majority over the window; instance: (N,) int64 likewise, 0 for none.
         found: (N,) int64, frames that matched it.
         depth_sigma_m: (N,) float64, of its nearest observation.
+        deviation_m: (N,) float64, how far its position lies from where that observation saw it.
     """
 
     landmark_id: NDArray[np.int64]
@@ -37,6 +39,7 @@ class Candidates:
     instance: NDArray[np.int64]
     found: NDArray[np.int64]
     depth_sigma_m: NDArray[np.float64]
+    deviation_m: NDArray[np.float64]
 
 
 def new_features(
@@ -60,6 +63,7 @@ def new_features(
     eligible = (
         (candidates.found >= enough)
         & (candidates.depth_sigma_m <= settings.max_depth_sigma_m)
+        & (candidates.deviation_m <= _SIGMAS * candidates.depth_sigma_m + settings.max_depth_sigma_m)
         & ~np.isin(candidates.instance, moving_instances[moving_instances != 0])
         & ~np.isin(candidates.label, _NEVER_MAPPED)
     )

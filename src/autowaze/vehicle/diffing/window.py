@@ -93,7 +93,7 @@ class DiffWindow:
         if not tracked.is_trustworthy:
             return
         self._note_path(tracked)
-        self._note_found(tracked.landmark_id, observation.features)
+        self._note_found(tracked, observation.features)
         self._instances.add(observation.tracks, observation.motions, tracked.T_map_cam)
         if observation.ground is not None:
             self._ground.add(observation.ground)
@@ -134,6 +134,7 @@ class DiffWindow:
         self._path: list[tuple[float, NDArray[np.float64], float]] = []
         self._found = Tally()
         self._depths: list[NDArray[np.float64]] = []
+        self._places: list[NDArray[np.float64]] = []
         self._looked_for = Tally()
         self._looked_for_plain = Tally()
         self._ground = GroundGrid()
@@ -150,12 +151,13 @@ class DiffWindow:
         times, positions, headings = zip(*self._path, strict=True)
         return Trajectory(np.array(times), np.array(positions), np.array(headings, dtype=np.float32))
 
-    def _note_found(self, landmark_id: NDArray[np.int64], features: CameraFeatures) -> None:
-        """Landmarks that the frame matched, with the label and instance that their features have."""
-        hit = landmark_id >= 0
+    def _note_found(self, tracked: TrackedFrame, features: CameraFeatures) -> None:
+        """Landmarks that the frame matched, with the label, instance and place that their features have."""
+        hit = tracked.landmark_id >= 0
         label_and_instance = (features.instance_id[hit].astype(np.int64) << _LABEL_BITS) | features.label[hit]
-        self._found.add(landmark_id[hit], label_and_instance)
+        self._found.add(tracked.landmark_id[hit], label_and_instance)
         self._depths.append(np.nan_to_num(features.depth[hit].astype(np.float64), nan=_NO_DEPTH_M))
+        self._places.append(transform(tracked.T_map_cam, features.position_cam[hit]))
 
     def _can_judge(self, tracked: TrackedFrame) -> bool:
         return (
@@ -259,19 +261,35 @@ class DiffWindow:
 
     def _candidates(self, landmarks: Landmarks) -> Candidates:
         ids, found = self._found.counts()
-        nearest = _smallest_by_id(self._found.pairs()[0], self._depths)
+        depth, place = self._nearest_observations()
         label_and_instance = self._found.majority()[1]
         rows = landmarks.rows(ids)
         keep = (rows >= 0) & ~np.isin(ids, self._sent)
         keep[keep] = landmarks.map_id[rows[keep]] == 0
+        position, place, sigma = landmarks.position[rows[keep]], place[keep], self._depth_sigma(depth[keep])
         return Candidates(
             landmark_id=ids[keep],
-            position=landmarks.position[rows[keep]],
+            position=position,
             label=(label_and_instance[keep] & ((1 << _LABEL_BITS) - 1)).astype(np.uint8),
             instance=label_and_instance[keep] >> _LABEL_BITS,
             found=found[keep],
-            depth_sigma_m=nearest[keep] ** 2 * _STEREO_SIGMA_PX / self.camera.bf,
+            depth_sigma_m=sigma,
+            deviation_m=np.linalg.norm(position - place, axis=1),
         )
+
+    def _depth_sigma(self, depth: NDArray[np.float64]) -> NDArray[np.float64]:
+        """One standard deviation (N,) of stereo depths (N,), metres."""
+        return np.asarray(depth**2 * _STEREO_SIGMA_PX / self.camera.bf)
+
+    def _nearest_observations(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Depth (N,) and place (N, 3) of each found landmark when it was nearest, sorted by landmark id."""
+        ids, _ = self._found.pairs()
+        if not len(ids):
+            return np.zeros(0), np.zeros((0, 3))
+        depth = np.concatenate(self._depths)
+        order = np.lexsort((depth, ids))
+        nearest = order[np.r_[True, np.diff(ids[order]) != 0]]
+        return depth[nearest], np.concatenate(self._places)[nearest]
 
 
 def _position_sigma(tracked: TrackedFrame) -> float:
@@ -284,13 +302,3 @@ def _any_within(points: NDArray[np.float64], places: NDArray[np.float64], radius
     if not len(points):
         return np.zeros(len(places), np.bool_)
     return np.asarray(np.isfinite(cKDTree(points).query(places, distance_upper_bound=radius_m)[0]))
-
-
-def _smallest_by_id(ids: NDArray[np.int64], values: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Smallest value of each id, in the order of the sorted unique ids."""
-    if not len(ids):
-        return np.zeros(0)
-    flat = np.concatenate(values)
-    order = np.argsort(ids, kind="stable")
-    starts = np.flatnonzero(np.r_[True, np.diff(ids[order]) != 0])
-    return np.asarray(np.minimum.reduceat(flat[order], starts), dtype=np.float64)

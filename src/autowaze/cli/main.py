@@ -12,6 +12,7 @@ from autowaze import __version__
 from autowaze.cli import evaluate
 from autowaze.cli.drive import drive
 from autowaze.cli.map import build_map
+from autowaze.cli.simulate import simulate
 from autowaze.world.errors import AutowazeError
 
 app = typer.Typer(
@@ -21,6 +22,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
+app.command("simulate")(simulate)
 app.command("map")(build_map)
 app.command("drive")(drive)
 app.add_typer(evaluate.app, name="evaluate")

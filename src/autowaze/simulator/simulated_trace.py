@@ -80,7 +80,7 @@ class SimulatedTrace:
     @cached_property
     def ground_truth(self) -> GroundTruth:
         """T_map_cam of every frame: map east, north, up metres."""
-        return GroundTruth(self.drive.ego.poses())
+        return GroundTruth(self.drive.ego.poses(), in_map_frame=True)
 
     @property
     def frame_numbers(self) -> NDArray[np.int64]:

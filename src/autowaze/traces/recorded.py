@@ -94,7 +94,7 @@ class RecordedTrace:
             raise TraceError(f"{path}: expected 12 finite numbers for each of the trace's frames")
         poses = np.tile(np.eye(4), (len(self._rows), 1, 1))
         poses[:, :3] = rows[self._rows].reshape(-1, 3, 4)
-        return GroundTruth(poses)
+        return GroundTruth(poses, in_map_frame=True)
 
     def __len__(self) -> int:
         return len(self._entries)

@@ -39,7 +39,7 @@ class Model:
 
     near: tuple[tuple[Mesh, str], ...]
     far: tuple[tuple[Mesh, str], ...] | None = None
-    far_from_m: float = 32.0
+    far_from_m: float = 16.0
 
 
 @dataclass(frozen=True)
@@ -74,17 +74,17 @@ class Scene:
     """All that can be seen.
 
     Attributes:
-        ground: static geometry in map metres, with the names of surfaces.
+        ground: static geometry in map metres, with the names of surfaces; `fine` marks what is too small to be seen
+            from afar.
         things: what stands still for the whole drive.
-        moving: for each thing that moves its pose per frame (F, 4, 4); a frame with NaN does not show it.
     """
 
     surfaces: dict[str, Surface] = field(default_factory=dict)
     models: dict[str, Model] = field(default_factory=dict)
-    ground: list[tuple[Mesh, str]] = field(default_factory=list)
+    ground: list[tuple[Mesh, str, bool]] = field(default_factory=list)
     things: list[Thing] = field(default_factory=list)
 
-    def add(self, mesh: Mesh, surface: str) -> None:
+    def add(self, mesh: Mesh, surface: str, fine: bool = False) -> None:
         """Put static geometry into the scene."""
         if len(mesh):
-            self.ground.append((mesh, surface))
+            self.ground.append((mesh, surface, fine))

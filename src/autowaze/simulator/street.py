@@ -39,7 +39,7 @@ class _Setting:
     """What stays from drive to drive."""
 
     plan: StreetPlan
-    ground: list[tuple[Mesh, str]]
+    ground: list[tuple[Mesh, str, bool]]
     things: list[Thing]
     models: dict[str, Model]
 

@@ -41,8 +41,8 @@ def build_frontages(scene: Scene, plan: StreetPlan, rng: np.random.Generator) ->
             T = planted(origin[0], origin[1], KERB_M - 0.02, heading)
             back = T.copy()
             back[:2, 3] += setback * T[:2, 1]
-            for mesh, surface in build(style, rng, near_driveway):
-                scene.add(mesh.moved(back), surface)
+            for mesh, surface, fine in build(style, rng, near_driveway):
+                scene.add(mesh.moved(back), surface, fine)
             if house:
                 _garden(scene, T, width, setback, driveways, rng)
             taken = polygonal(taken.union(footprint.buffer(-0.05)))

@@ -12,6 +12,7 @@ from autowaze.simulator.mesh import Mesh
 from autowaze.simulator.scene import Model, Scene, Surface, Thing
 
 _CELL_M = 18.0
+_FINE_TO_M = 48.0
 _IDENTITY = np.eye(4)
 
 
@@ -62,16 +63,16 @@ class GpuScene:
         return draws + [Draw(b, thing.T_map_thing, thing.tint, thing.id, split, np.inf) for b in far]
 
     def _ground_draws(self, scene: Scene) -> list[Draw]:
-        cells: dict[tuple[str, int, int], list[Mesh]] = {}
-        for mesh, surface in scene.ground:
+        cells: dict[tuple[str, bool, int, int], list[Mesh]] = {}
+        for mesh, surface, fine in scene.ground:
             middle = mesh.position[mesh.faces].mean(axis=1)
             cell = np.floor(middle[:, :2] / _CELL_M).astype(int)
             for x, y in np.unique(cell, axis=0):
                 part = mesh.select((cell == (x, y)).all(axis=1))
-                cells.setdefault((surface, int(x), int(y)), []).append(part)
+                cells.setdefault((surface, fine, int(x), int(y)), []).append(part)
         return [
-            Draw(self._upload(Mesh.concatenate(parts), key[0]), _IDENTITY)
-            for key, parts in sorted(cells.items(), key=lambda c: c[0])
+            Draw(self._upload(Mesh.concatenate(parts), key[0]), _IDENTITY, to_m=_FINE_TO_M if key[1] else np.inf)
+            for key, parts in sorted(cells.items(), key=lambda item: item[0])
         ]
 
     def _upload_model(self, model: Model) -> tuple[list[Batch], list[Batch]]:

@@ -16,6 +16,8 @@ from autowaze.simulator.surfaces.openings import DOOR_CELLS, SHOP_CELLS, WINDOW_
 
 RGB = tuple[int, int, int]
 Point3 = tuple[float, float, float]
+BuildingPart = tuple[Mesh, str, bool]
+"""A mesh, its surface, and whether it is too small to be seen from afar."""
 
 _TRIM: RGB = (232, 228, 218)
 
@@ -98,7 +100,7 @@ class _Builder:
 
     style: BuildingStyle
     rng: np.random.Generator
-    parts: dict[str, list[Mesh]] = field(default_factory=dict)
+    parts: dict[tuple[str, bool], list[Mesh]] = field(default_factory=dict)
     corners: dict[str, list[list[Point3]]] = field(default_factory=dict)
     uvs: dict[str, list[list[tuple[float, float]]]] = field(default_factory=dict)
     tints: dict[str, list[tuple[int, int, int, int]]] = field(default_factory=dict)
@@ -157,16 +159,21 @@ class _Builder:
             self.quad("plain", ring, [(0, 0), (0.3, 0), (0.3, 1), (0, 1)], reveal, light)
         self.front(pane, x0, x1, z0, z1, depth, light=0.85, cell=cell)
 
-    def solid(self, surface: str, low: Point3, high: Point3, tint: RGB, texture_m: float = WALL_M) -> None:
-        self.parts.setdefault(surface, []).append(box(low, high, texture_m, (*tint, 255)))
+    def solid(
+        self, surface: str, low: Point3, high: Point3, tint: RGB, texture_m: float = WALL_M, fine: bool = False
+    ) -> None:
+        self.parts.setdefault((surface, fine), []).append(box(low, high, texture_m, (*tint, 255)))
 
-    def meshes(self) -> list[tuple[Mesh, str]]:
-        out = [(quads(self.corners[s], np.array(self.uvs[s]), np.array(self.tints[s])), s) for s in self.corners]
-        return out + [(Mesh.concatenate(parts), s) for s, parts in self.parts.items()]
+    def meshes(self) -> list[BuildingPart]:
+        flat = [
+            (quads(self.corners[s], np.array(self.uvs[s]), np.array(self.tints[s])), s, s == "wall-marks")
+            for s in self.corners
+        ]
+        return flat + [(Mesh.concatenate(parts), surface, fine) for (surface, fine), parts in self.parts.items()]
 
 
-def build(style: BuildingStyle, rng: np.random.Generator, driveway: bool = False) -> list[tuple[Mesh, str]]:
-    """Meshes of a building with the names of their surfaces."""
+def build(style: BuildingStyle, rng: np.random.Generator, driveway: bool = False) -> list[BuildingPart]:
+    """Everything that a building is made of."""
     b = _Builder(style, rng, texture_shift_m=(float(rng.uniform(0, WALL_M)), float(rng.uniform(0, WALL_M))))
     wall = f"wall-{style.wall}"
     _upper_floors(b, wall)
@@ -209,7 +216,7 @@ def _window(b: _Builder, x0: float, x1: float, z0: float, z1: float) -> None:
     # one frame for the whole building, another room behind each
     cell = s.window_cell // 4 * 4 + int(b.rng.integers(0, 4))
     b.opening(x0, x1, z0, z1, s.recess, "windows", window_cell(cell), _TRIM)
-    b.solid("plain", (x0 - 0.10, -0.09, z0 - 0.10), (x1 + 0.10, 0.02, z0), _TRIM, 1.0)
+    b.solid("plain", (x0 - 0.10, -0.09, z0 - 0.10), (x1 + 0.10, 0.02, z0), _TRIM, 1.0, fine=True)
     if s.wall in ("brick", "stone") or s.floors > 3:
         b.solid(
             "plain",
@@ -220,7 +227,7 @@ def _window(b: _Builder, x0: float, x1: float, z0: float, z1: float) -> None:
         )
     if s.wall == "boards":
         for side in (x0 - 0.42, x1 + 0.06):
-            b.solid("plain", (side, -0.05, z0), (side + 0.36, 0.0, z1), s.roof_tint, 1.0)
+            b.solid("plain", (side, -0.05, z0), (side + 0.36, 0.0, z1), s.roof_tint, 1.0, fine=True)
 
 
 def _marks(b: _Builder) -> None:
@@ -235,14 +242,16 @@ def _marks(b: _Builder) -> None:
         b.front("wall-marks", x, x + size, low, low + size, -0.012, cell=mark_cell(int(b.rng.integers(0, MARK_CELLS))))
     if b.rng.random() < 0.8:
         x = 0.12 if b.rng.random() < 0.5 else s.width - 0.2
-        b.solid("metal", (x, -0.10, 0.0), (x + 0.09, -0.01, s.eaves), (118, 120, 122), 1.0)
+        b.solid("metal", (x, -0.10, 0.0), (x + 0.09, -0.01, s.eaves), (118, 120, 122), 1.0, fine=True)
 
 
 def _balcony(b: _Builder, x: float, z: float) -> None:
-    b.solid("plain", (x - 1.1, -0.85, z + 0.05), (x + 1.1, 0.0, z + 0.18), _TRIM, 1.0)
-    b.solid("metal", (x - 1.1, -0.85, z + 1.05), (x + 1.1, -0.80, z + 1.10), (60, 62, 64), 1.0)
+    b.solid("plain", (x - 1.1, -0.85, z + 0.05), (x + 1.1, 0.0, z + 0.18), _TRIM, 1.0, fine=True)
+    b.solid("metal", (x - 1.1, -0.85, z + 1.05), (x + 1.1, -0.80, z + 1.10), (60, 62, 64), 1.0, fine=True)
     for i in np.linspace(-1.08, 1.08, 13):
-        b.solid("metal", (x + i - 0.012, -0.83, z + 0.18), (x + i + 0.012, -0.81, z + 1.05), (60, 62, 64), 1.0)
+        b.solid(
+            "metal", (x + i - 0.012, -0.83, z + 0.18), (x + i + 0.012, -0.81, z + 1.05), (60, 62, 64), 1.0, fine=True
+        )
 
 
 def _ground_floor(b: _Builder, wall: str, driveway: bool) -> None:

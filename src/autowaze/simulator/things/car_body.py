@@ -50,7 +50,7 @@ class Loft:
 def loft(shape: CarShape, detail: int = 2) -> Loft:
     """Cross-sections of a body; detail 2 for near cars, 1 for far ones."""
     x = _section_positions(shape, detail)
-    side, greenhouse = (_SIDE, _GREENHOUSE) if detail > 1 else (3, 6)
+    side, greenhouse = (_SIDE, _GREENHOUSE) if detail > 1 else (4, 6)
     width, lower, top = shape.half_width(x), shape.lower_edge(x), shape.top(x)
     shoulder = np.minimum(shape.belt(x), top - 0.06)
     lower = np.minimum(lower, shoulder - 0.03)
@@ -78,16 +78,15 @@ def loft(shape: CarShape, detail: int = 2) -> Loft:
 
 def _section_positions(shape: CarShape, detail: int) -> NDArray[np.float64]:
     half = shape.length / 2
-    u = np.linspace(-1.0, 1.0, 34 if detail > 1 else 15)
+    u = np.linspace(-1.0, 1.0, 34 if detail > 1 else 17)
     x = half * np.sign(u) * (1 - (1 - np.abs(u)) ** 1.3)
     marks = [shape.cowl[0], shape.roof_front, shape.roof_rear, shape.rear_glass[0], half - NOSE_M, -half + TAIL_M]
     extra = [np.array(marks)]
-    if detail > 1:
-        reach = shape.wheel_radius + 0.055
-        for axle in (shape.front_axle, shape.rear_axle):
-            x = x[np.abs(x - axle) > reach + 0.03]
-            arch = reach * np.cos(np.linspace(0.0, np.pi, 11))
-            extra.append(axle + np.concatenate([arch, [reach + 2e-3, -reach - 2e-3]]))
+    reach = shape.wheel_radius + 0.055
+    for axle in (shape.front_axle, shape.rear_axle):
+        x = x[np.abs(x - axle) > reach + 0.03]
+        arch = reach * np.cos(np.linspace(0.0, np.pi, 11 if detail > 1 else 6))
+        extra.append(axle + np.concatenate([arch, [reach + 2e-3, -reach - 2e-3]]))
     x = np.unique(np.concatenate([x, *extra]))
     return np.asarray(x[np.concatenate([[True], np.diff(x) > 1e-3])])
 

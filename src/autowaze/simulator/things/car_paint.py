@@ -268,6 +268,11 @@ def _paint_rear(p: CarPainter, rng: np.random.Generator) -> None:
     shape = p.shape
     w, tail = shape.width / 2, shape.tail
     p.polygon("rear", [(-w, shape.sill + 0.12), (w, shape.sill + 0.12), (w, 0), (-w, 0)], _PLASTIC)
+    if shape.kind in ("van", "truck", "pickup", "suv"):
+        high = shape.sill + 0.36
+        p.polygon("rear", [(-w, high), (w, high), (w, 0), (-w, 0)], _PLASTIC)
+    if shape.kind == "van":
+        p.line("rear", [(0.0, shape.sill + 0.36), (0.0, shape.height)], _SEAM, 3)
     if shape.steep_tail:
         glass = shape.rear_glass[1]
         p.polygon(

@@ -26,15 +26,20 @@ def tree(rng: np.random.Generator) -> Model:
         wood.append(tube(fork * [1, 1, float(rng.uniform(0.85, 1.05))], tip, 0.075, 0.02, 6))
         clumps.append((tip, crown_m * float(rng.uniform(0.40, 0.62))))
     clumps.append((np.array([*lean, height + 0.2]), crown_m * 0.6))
-    return Model(((Mesh.concatenate(wood), "bark"), (_crown(clumps, rng), "leaves")))
+    trunk = Mesh.concatenate(wood)
+    near, far = (
+        ((trunk, "bark"), (_crown(clumps, rng), "leaves")),
+        ((trunk, "bark"), (_crown(clumps, rng, 0.35), "leaves")),
+    )
+    return Model(near, far, far_from_m=34.0)
 
 
-def _crown(clumps: list[tuple[NDArray[np.float64], float]], rng: np.random.Generator) -> Mesh:
-    """Leaf clusters on cards, turned every way, brighter outside than inside."""
+def _crown(clumps: list[tuple[NDArray[np.float64], float]], rng: np.random.Generator, share: float = 1.0) -> Mesh:
+    """Leaf clusters on cards, turned every way, brighter outside than inside; fewer and larger for a smaller share."""
     middle = np.mean([c for c, _ in clumps], axis=0)
     positions, normals, uvs, tints = [], [], [], []
     for centre, radius in clumps:
-        count = int(26 * radius / 0.8)
+        count = int(20 * share * radius / 0.8)
         direction = rng.normal(size=(count, 3))
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
         at = centre + direction * radius * rng.uniform(0.55, 1.0, (count, 1)) * [1.0, 1.0, 0.8]
@@ -44,7 +49,7 @@ def _crown(clumps: list[tuple[NDArray[np.float64], float]], rng: np.random.Gener
             b = np.cross(outwards, a) + 0.3 * rng.normal(size=3)
             b -= (b @ a) * a
             b /= np.linalg.norm(b)
-            half = float(rng.uniform(0.34, 0.52))
+            half = float(rng.uniform(0.34, 0.52)) / share**0.4
             positions.append(
                 [
                     point - half * a - half * b,

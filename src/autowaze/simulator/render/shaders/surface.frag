@@ -2,14 +2,14 @@ in vec3 position;
 in vec3 normal;
 in vec2 uv;
 in vec4 tint;
-in vec3 sun_position;
-in vec3 moving_sun_position;
 
 uniform sampler2D surface;
 uniform sampler2DShadow static_shadow;
 uniform sampler2DShadow moving_shadow;
 uniform sampler2D surroundings;
 
+uniform mat4 map_to_sun;
+uniform mat4 map_to_moving_sun;
 uniform uint instance_id;
 uniform vec3 eye;
 uniform vec3 to_sun;
@@ -39,13 +39,13 @@ vec3 mirrored(vec3 direction, float blur) {
 
 float sunlit(float facing) {
     // a slope hides more of a texel's depth: lift the sample along it
-    vec3 p = sun_position;
+    vec3 p = (map_to_sun * vec4(position, 1.0)).xyz * 0.5 + 0.5;
     p.z -= 0.0006 + 0.0012 * (1.0 - facing);
     float d = 0.6 * shadow_texel;
     // two taps, each of them a filtered two by two
     float lit = 0.5 * (texture(static_shadow, p + vec3(d, 0.5 * d, 0.0)) + texture(static_shadow, p - vec3(d, 0.5 * d, 0.0)));
     if (moving_shadow_on > 0.5) {
-        vec3 q = moving_sun_position;
+        vec3 q = (map_to_moving_sun * vec4(position, 1.0)).xyz * 0.5 + 0.5;
         if (all(greaterThan(q.xy, vec2(0.0))) && all(lessThan(q.xy, vec2(1.0))))
             lit *= texture(moving_shadow, q - vec3(0.0, 0.0, 0.0025));
     }
@@ -53,7 +53,9 @@ float sunlit(float facing) {
 }
 
 vec3 film(vec3 light) {
-    vec3 shown = sqrt(1.0 - exp(-1.5 * exposure * light));
+    // 1 - exp(-t), by three terms of its series
+    vec3 t = 1.5 * exposure * light;
+    vec3 shown = sqrt(1.0 - 1.0 / (1.0 + t * (1.0 + t * (0.5 + t / 6.0))));
     return mix(shown, shown * shown * (3.0 - 2.0 * shown), 0.45);
 }
 
@@ -110,7 +112,8 @@ void main() {
         light += sun * (spark * lit * (1.6 * mirror * mirror + 0.6 * wet));
     }
     light += glow * texel.rgb * texel.rgb;
-    light = mix(haze, light, exp(-haze_per_m * range));
+    float clear = 1.0 / (1.0 + haze_per_m * range);
+    light = mix(haze, light, clear);
     out_colour = vec4(film(light), coverage);
     out_id = instance_id;
 }

@@ -7,8 +7,6 @@ edge fails along its direction, as it does in FAST; the least of those differenc
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +23,18 @@ _NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 
 class CornerFinder:
-    """Finds the corners of each level and keeps those that cover the image best."""
+    """Finds the corners of each level and keeps those that cover the image best.
+
+    All intermediate images live in memory taken once: fresh memory for each would cost more than the arithmetic.
+    """
 
     def __init__(self, pyramid: Pyramid, quota: NDArray[np.int64], threshold: int) -> None:
         self._pyramid = pyramid
         self._quota = quota
         self._threshold = threshold
         self._response = [np.zeros_like(level) for level in pyramid.levels]
+        self._bytes = np.zeros((4, pyramid.levels[0].size), np.uint8)
+        self._words = np.zeros((2, pyramid.levels[0].size), np.uint16)
 
     def find(self) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
         """Level pixels x, y (N, 2) and levels (N,) of the corners, level by level."""
@@ -41,29 +44,62 @@ class CornerFinder:
 
     def _find_in_level(self, level: int) -> NDArray[np.int64]:
         image, response = self._pyramid.levels[level], self._response[level]
-        segment_response(image, response)
-        strength = cv2.boxFilter(response, cv2.CV_16U, (3, 3), normalize=False)  # breaks ties between neighbours
-        peaks = cv2.compare(strength, cv2.dilate(strength, _NEIGHBOURS), cv2.CMP_EQ)
-        strong = cv2.threshold(response, self._threshold, 255, cv2.THRESH_BINARY)[1]
-        corners = cv2.bitwise_and(peaks, strong)
-        places = np.flatnonzero(corners)
+        segment_response(image, response, self._bytes)
+        peaks, strong = (flat[: image.size].reshape(image.shape) for flat in self._bytes[:2])
+        strength, highest = (flat[: image.size].reshape(image.shape) for flat in self._words)
+        cv2.boxFilter(response, cv2.CV_16U, (3, 3), dst=strength, normalize=False)  # breaks ties between neighbours
+        cv2.dilate(strength, _NEIGHBOURS, dst=highest)
+        cv2.compare(strength, highest, cv2.CMP_EQ, dst=peaks)
+        cv2.threshold(response, self._threshold, 255, cv2.THRESH_BINARY, dst=strong)
+        cv2.bitwise_and(peaks, strong, dst=peaks)
         cell_px = max(np.sqrt(image.size / max(self._quota[level], 1)), 1.0)
-        return np.asarray(_spread_corners(places, strength, cell_px, self._quota[level]))
+        return np.asarray(_spread_corners(_places(peaks.reshape(-1)), strength, cell_px, self._quota[level]))
 
 
-def segment_response(image: Image, out: Image) -> None:
-    """Corner response (H, W) uint8 of a grey image, in grey levels; 0 within three pixels of the border."""
+def segment_response(image: Image, out: Image, scratch: NDArray[np.uint8]) -> None:
+    """Corner response (H, W) uint8 of a grey image, in grey levels; 0 within three pixels of the border.
+
+    Args:
+        image: (H, W) uint8.
+        out: where the response goes.
+        scratch: (4, H * W or more) uint8, overwritten.
+    """
     r = _RADIUS_PX
     h, w = image.shape
-    centre = image[r : h - r, r : w - r]
-    bright: Any = None
-    dark: Any = None
-    for dy, dx in _HALF_CIRCLE:
+    inner = h - 2 * r, w - 2 * r
+    bright, dark, upper, lower = (flat[: inner[0] * inner[1]].reshape(inner) for flat in scratch)
+    for i, (dy, dx) in enumerate(_HALF_CIRCLE):
         one, opposite = (image[r + y : h - r + y, r + x : w - r + x] for y, x in ((dy, dx), (-dy, -dx)))
-        upper, lower = cv2.max(one, opposite), cv2.min(one, opposite)
-        bright = upper if bright is None else cv2.min(bright, upper, dst=bright)
-        dark = lower if dark is None else cv2.max(dark, lower, dst=dark)
-    out[r : h - r, r : w - r] = cv2.max(cv2.subtract(bright, centre), cv2.subtract(centre, dark))
+        cv2.max(one, opposite, dst=upper if i else bright)
+        cv2.min(one, opposite, dst=lower if i else dark)
+        if i:
+            cv2.min(bright, upper, dst=bright)
+            cv2.max(dark, lower, dst=dark)
+    centre = image[r : h - r, r : w - r]
+    cv2.subtract(bright, centre, dst=bright)
+    cv2.subtract(centre, dark, dst=dark)
+    cv2.max(bright, dark, dst=out[r : h - r, r : w - r])
+
+
+def _places(marked: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """Indices (n,) of the bytes that are not zero."""
+    whole = len(marked) // 8 * 8
+    return np.asarray(_nonzero(marked[:whole].view(np.uint64), marked), dtype=np.int64)
+
+
+@compiled
+def _nonzero(words, marked):  # type: ignore[no-untyped-def]
+    """Eight bytes are skipped at a time where all are zero, as most are."""
+    places = np.empty(marked.shape[0], np.int64)
+    n = 0
+    for i in range(words.shape[0] + 1):
+        if i < words.shape[0] and words[i] == 0:
+            continue
+        for j in range(8 * i, min(8 * i + 8, marked.shape[0])):
+            if marked[j] != 0:
+                places[n] = j
+                n += 1
+    return places[:n]
 
 
 @compiled

@@ -7,11 +7,11 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from autowaze.cloud.integration import MapChange
 from autowaze.world.errors import AutowazeError
 from autowaze.world.feature_map import MapFeatures
+from autowaze.world.map_update import MapUpdate
 from autowaze.world.parking import SpotState
 
 KEPT_CHANGES = 1024
@@ -20,21 +20,6 @@ KEPT_CHANGES = 1024
 
 class OutdatedMapError(AutowazeError):
     """A car's map is too old to be brought up to date by changes; it must fetch the map again."""
-
-
-@dataclass(frozen=True)
-class MapUpdate:
-    """What brings a map from one version to another.
-
-    Attributes:
-        added: features to insert.
-        removed: (R,) uint64, sorted ids to take out; disjoint from `added`.
-    """
-
-    from_version: int
-    to_version: int
-    added: MapFeatures
-    removed: NDArray[np.uint64]
 
 
 @dataclass(frozen=True)

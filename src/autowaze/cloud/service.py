@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from autowaze.cloud.belief import aged, believe
 from autowaze.cloud.boxes import boxes_of_average_size
-from autowaze.cloud.broadcast import ChangeLog, MapUpdate, Update
+from autowaze.cloud.broadcast import ChangeLog, Update
 from autowaze.cloud.clustering import cluster_by_density
 from autowaze.cloud.evidence import evidence_of
 from autowaze.cloud.ground_votes import GroundVotes
@@ -26,6 +26,7 @@ from autowaze.cloud.validation import check_diff
 from autowaze.cloud.visible_side import boxes_from_visible_side
 from autowaze.world.feature_map import FeatureMap
 from autowaze.world.map_diff import SemanticMapDiff
+from autowaze.world.map_update import MapUpdate
 from autowaze.world.parking import Occupancy, ParkingMap, SpotState
 from autowaze.world.stage_times import StageTimes
 from autowaze.world.vehicles import VehicleBoxes

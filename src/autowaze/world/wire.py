@@ -1,4 +1,4 @@
-"""Semantic map diffs and feature maps as bytes.
+"""Semantic map diffs, feature maps and map updates as bytes.
 
 A protobuf envelope with a version; inside a zstd frame of a protobuf message whose numeric arrays are packed columns
 (`column_codec`), fixed-point: positions 1 cm. docs/wire-format.md is the specification. `decode_*` survive any bytes:
@@ -12,6 +12,7 @@ import math
 import numpy as np
 import zstandard
 from google.protobuf.message import DecodeError
+from numpy.typing import NDArray
 
 from autowaze.world import wire_pb2 as pb
 from autowaze.world.column_codec import pack_integers, unpack_integers
@@ -27,6 +28,7 @@ from autowaze.world.identity import (
     instance_keys,
 )
 from autowaze.world.map_diff import SemanticMapDiff
+from autowaze.world.map_update import MapUpdate
 from autowaze.world.wire_columns import (
     MAX_WINDOW_S,
     bounded_count,
@@ -92,11 +94,6 @@ def decode_diff(data: bytes) -> SemanticMapDiff:
     new, instance = decode_features(message.new, MAX_FEATURES_PER_DIFF, MAX_INSTANCE - 1, message.start)
     new.id = feature_ids(message.session, message.sequence, len(new))
     new.instance_key = instance_keys(message.session, instance)
-    removed = unpack_integers(
-        message.removed, bounded_count(message.removed_count, MAX_REMOVED, "removed"), 1, (1 << 63) - 1, "removed"
-    )
-    if (np.diff(removed) <= 0).any():
-        raise WireError("removed: ids are not in ascending order")
     return SemanticMapDiff(
         session=message.session,
         sequence=message.sequence,
@@ -108,7 +105,7 @@ def decode_diff(data: bytes) -> SemanticMapDiff:
         localized_frames=message.localized_frames,
         position_sigma_m=message.position_sigma_mm / 1000,
         new=new,
-        removed=removed.astype(np.uint64),
+        removed=_decode_removed(message.removed, message.removed_count, MAX_REMOVED),
         instances=decode_instances(message.instances),
         ground=decode_ground(message.ground),
         traffic=decode_traffic(message.traffic),
@@ -118,12 +115,46 @@ def decode_diff(data: bytes) -> SemanticMapDiff:
 
 def encode_map(feature_map: FeatureMap) -> bytes:
     """The bytes of a stored map."""
+    return _seal(_encode_map(feature_map).SerializeToString(deterministic=True))
+
+
+def decode_map(data: bytes) -> FeatureMap:
+    """The stored map in these bytes; raises `WireError` as `decode_diff` does."""
+    message = pb.FeatureMap()
+    _parse(message, _open(data, MAX_MAP_BYTES, MAX_MAP_BYTES))
+    return _decode_map(message)
+
+
+def encode_map_update(update: MapUpdate) -> bytes:
+    """The bytes of a map update."""
+    added = update.added[np.argsort(update.added.id, kind="stable")]
+    message = pb.MapUpdate(
+        from_version=update.from_version,
+        added=_encode_map(FeatureMap(added, version=update.to_version)),
+        removed_count=len(update.removed),
+        removed=pack_integers(update.removed.astype(np.int64), delta=True),
+    )
+    return _seal(message.SerializeToString(deterministic=True))
+
+
+def decode_map_update(data: bytes) -> MapUpdate:
+    """The map update in these bytes; raises `WireError` as `decode_diff` does."""
+    message = pb.MapUpdate()
+    _parse(message, _open(data, MAX_MAP_BYTES, MAX_MAP_BYTES))
+    added = _decode_map(message.added)
+    removed = _decode_removed(message.removed, message.removed_count, MAX_MAP_FEATURES)
+    if message.from_version > added.version:
+        raise WireError("from_version: the update leads backwards")
+    return MapUpdate(message.from_version, added.version, added.features, removed)
+
+
+def _encode_map(feature_map: FeatureMap) -> pb.FeatureMap:
     features = feature_map.features
     epoch = float(np.floor(features.first_seen.min())) if len(features) else 0.0
     keys, index = np.unique(features.instance_key, return_inverse=True)
     if len(keys) == 0 or keys[0] != 0:
         keys, index = np.concatenate([[np.uint64(0)], keys]), index + 1
-    message = pb.FeatureMap(
+    return pb.FeatureMap(
         version=feature_map.version,
         epoch=epoch,
         georeference=_encode_georeference(feature_map.georeference),
@@ -132,13 +163,9 @@ def encode_map(feature_map: FeatureMap) -> bytes:
         instance_count=len(keys),
         instance_keys=pack_integers(keys.astype(np.int64), delta=True),
     )
-    return _seal(message.SerializeToString(deterministic=True))
 
 
-def decode_map(data: bytes) -> FeatureMap:
-    """The stored map in these bytes; raises `WireError` as `decode_diff` does."""
-    message = pb.FeatureMap()
-    _parse(message, _open(data, MAX_MAP_BYTES, MAX_MAP_BYTES))
+def _decode_map(message: pb.FeatureMap) -> FeatureMap:
     if not math.isfinite(message.epoch):
         raise WireError("epoch: not a time")
     key_count = bounded_count(message.instance_count, MAX_MAP_FEATURES, "instance_keys")
@@ -149,6 +176,13 @@ def decode_map(data: bytes) -> FeatureMap:
         raise WireError("id: ids are not in ascending order")
     features.instance_key = keys[index] if len(features) else np.zeros(0, np.uint64)
     return FeatureMap(features, _decode_georeference(message), message.version)
+
+
+def _decode_removed(packed: bytes, count: int, most: int) -> NDArray[np.uint64]:
+    removed = unpack_integers(packed, bounded_count(count, most, "removed"), 1, (1 << 63) - 1, "removed")
+    if (np.diff(removed) <= 0).any():
+        raise WireError("removed: ids are not in ascending order")
+    return removed.astype(np.uint64)
 
 
 def _seal(body: bytes) -> bytes:
@@ -173,7 +207,7 @@ def _open(data: bytes, max_bytes: int, max_body: int) -> bytes:
         raise WireError(f"body is no zstd frame: {error}") from error
 
 
-def _parse(message: pb.Envelope | pb.SemanticMapDiff | pb.FeatureMap, data: bytes) -> None:
+def _parse(message: pb.Envelope | pb.SemanticMapDiff | pb.FeatureMap | pb.MapUpdate, data: bytes) -> None:
     try:
         message.ParseFromString(data)
     except DecodeError as error:

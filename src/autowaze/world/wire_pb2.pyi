@@ -351,3 +351,32 @@ class FeatureMap(google.protobuf.message.Message):
     def ClearField(self, field_name: typing.Literal["epoch", b"epoch", "features", b"features", "georeference", b"georeference", "id", b"id", "instance_count", b"instance_count", "instance_keys", b"instance_keys", "version", b"version"]) -> None: ...
 
 global___FeatureMap = FeatureMap
+
+@typing.final
+class MapUpdate(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    FROM_VERSION_FIELD_NUMBER: builtins.int
+    ADDED_FIELD_NUMBER: builtins.int
+    REMOVED_COUNT_FIELD_NUMBER: builtins.int
+    REMOVED_FIELD_NUMBER: builtins.int
+    from_version: builtins.int
+    removed_count: builtins.int
+    removed: builtins.bytes
+    """ids, sorted, delta-coded"""
+    @property
+    def added(self) -> global___FeatureMap:
+        """its version is the one that the update leads to"""
+
+    def __init__(
+        self,
+        *,
+        from_version: builtins.int = ...,
+        added: global___FeatureMap | None = ...,
+        removed_count: builtins.int = ...,
+        removed: builtins.bytes = ...,
+    ) -> None: ...
+    def HasField(self, field_name: typing.Literal["added", b"added"]) -> builtins.bool: ...
+    def ClearField(self, field_name: typing.Literal["added", b"added", "from_version", b"from_version", "removed", b"removed", "removed_count", b"removed_count"]) -> None: ...
+
+global___MapUpdate = MapUpdate

@@ -27,35 +27,41 @@ def candidates(
 
 
 def test_steady_features_are_new() -> None:
-    assert len(new_features(candidates(50, ClassLabel.BACKGROUND), NOBODY, NOTHING, SETTINGS, 50_000)) == 50
+    assert len(new_features(candidates(50, ClassLabel.BACKGROUND), NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)) == 50
 
 
 def test_flickers_and_far_features_wait() -> None:
     once, far = candidates(9, ClassLabel.BACKGROUND, found=1), candidates(9, ClassLabel.BACKGROUND, sigma=2.0)
-    assert len(new_features(once, NOBODY, NOTHING, SETTINGS, 50_000)) == 0
-    assert len(new_features(far, NOBODY, NOTHING, SETTINGS, 50_000)) == 0
+    assert len(new_features(once, NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)) == 0
+    assert len(new_features(far, NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)) == 0
 
 
 def test_a_landmark_that_drifted_from_where_it_was_seen_is_no_feature() -> None:
     runaway = candidates(9, ClassLabel.BACKGROUND, deviation=1e6)
-    assert len(new_features(runaway, NOBODY, NOTHING, SETTINGS, 50_000)) == 0
+    assert len(new_features(runaway, NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)) == 0
 
 
 def test_cars_are_passed_in_few_frames() -> None:
-    assert len(new_features(candidates(9, ClassLabel.CAR, 3, found=2), NOBODY, NOTHING, SETTINGS, 50_000)) == 9
+    assert len(new_features(candidates(9, ClassLabel.CAR, 3, found=2), NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)) == 9
 
 
 def test_moving_cars_and_people_are_no_map() -> None:
     car, person = candidates(9, ClassLabel.CAR, 3), candidates(9, ClassLabel.PERSON, 4)
-    assert len(new_features(car, np.array([3]), NOTHING, SETTINGS, 50_000)) == 0
-    assert len(new_features(person, NOBODY, NOTHING, SETTINGS, 50_000)) == 0
+    assert len(new_features(car, np.array([3]), NOTHING, NOTHING, SETTINGS, 50_000)) == 0
+    assert len(new_features(person, NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)) == 0
 
 
 def test_a_car_that_the_map_holds_is_no_news() -> None:
     car = candidates(40, ClassLabel.CAR, 3)
     stored = car.position + 0.05
-    assert len(new_features(car, NOBODY, stored, SETTINGS, 50_000)) == 0
-    assert len(new_features(car, NOBODY, stored + np.array([0, 8, 0]), SETTINGS, 50_000)) == 40
+    assert len(new_features(car, NOBODY, stored, NOTHING, SETTINGS, 50_000)) == 0
+    assert len(new_features(car, NOBODY, stored + np.array([0, 8, 0]), NOTHING, SETTINGS, 50_000)) == 40
+
+
+def test_where_the_map_has_features_more_of_them_are_no_news() -> None:
+    wall = candidates(40, ClassLabel.BACKGROUND)
+    assert len(new_features(wall, NOBODY, NOTHING, wall.position + 0.1, SETTINGS, 50_000)) == 0
+    assert len(new_features(wall, NOBODY, NOTHING, wall.position + 9.0, SETTINGS, 50_000)) == 40
 
 
 def test_a_tight_budget_keeps_the_best_seen_spread_in_space() -> None:
@@ -63,6 +69,6 @@ def test_a_tight_budget_keeps_the_best_seen_spread_in_space() -> None:
     crowd.position *= 0.05
     lone.position += 30
     both = Candidates(*(np.concatenate(pair) for pair in zip(vars(crowd).values(), vars(lone).values(), strict=True)))
-    chosen = new_features(both, NOBODY, NOTHING, SETTINGS, byte_budget=43 * 20)
+    chosen = new_features(both, NOBODY, NOTHING, NOTHING, SETTINGS, byte_budget=43 * 20)
     assert len(chosen) == 20
     assert 500 in chosen  # the only one of its place, though seen less often

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -120,9 +121,7 @@ def accuracy(
         source, parking = opened(path, cameras, frames), ParkingMap.from_geojson(spot_file)
         clouds = {name: CloudService(parking, method=name) for name in methods}
         node = VehicleNode(source.camera, network, start=starting_point(source, parking, start), session=1)
-        run_drive(
-            source, node, lambda message, c=clouds: [cloud.receive(message) for cloud in c.values()], show_progress
-        )
+        run_drive(source, node, _for_all(list(clouds.values())), show_progress)
         for name, cloud in clouds.items():
             counts = confusion(cloud.states, read_truth(truth_file))
             totals[name] += counts
@@ -160,6 +159,16 @@ def latency(
         record = run_drive(source, node, cloud.receive, show_progress)
         results[source.name] = {**latency_metrics(record, node, cloud), **network_metrics(record)}
     _deliver("latency", {"traces": [str(p) for p in traces], "model": str(model)}, results, json_file)
+
+
+def _for_all(clouds: list[CloudService]) -> Callable[[bytes], None]:
+    """Gives each diff to all of them: one drive, judged by every method."""
+
+    def receive(message: bytes) -> None:
+        for cloud in clouds:
+            cloud.receive(message)
+
+    return receive
 
 
 def _deliver(title: str, inputs: dict[str, Any], results: Results, json_file: Path | None) -> None:

@@ -10,6 +10,7 @@ from rich.markup import escape
 
 from autowaze import __version__
 from autowaze.cli import evaluate
+from autowaze.cli.demo import demo
 from autowaze.cli.drive import drive
 from autowaze.cli.map import build_map
 from autowaze.cli.simulate import simulate
@@ -22,6 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
+app.command("demo")(demo)
 app.command("simulate")(simulate)
 app.command("map")(build_map)
 app.command("drive")(drive)

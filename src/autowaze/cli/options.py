@@ -12,6 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from autowaze.traces import Trace, open_trace
+from autowaze.vehicle.semantics.no_segmentation import NoSegmentation
 from autowaze.vehicle.semantics.segmenter import Segmenter, load_segmenter
 from autowaze.world.errors import AutowazeError
 from autowaze.world.frame import StereoFrame
@@ -24,7 +25,10 @@ Cameras = Annotated[str, typer.Option(help="Pair of a rig with two: grey, colour
 Frames = Annotated[str, typer.Option(help="Frame numbers to use, FIRST:END or FIRST:END:STEP.", metavar="SLICE")]
 Model = Annotated[
     Path | None,
-    typer.Option(help="Segmentation model: an .onnx or OpenVINO .xml file.", envvar="AUTOWAZE_MODEL"),
+    typer.Option(
+        help="Segmentation model: an .onnx or OpenVINO .xml file, a name of `autowaze models list`, or none.",
+        envvar="AUTOWAZE_MODEL",
+    ),
 ]
 Spots = Annotated[Path | None, typer.Option(help="Parking map, GeoJSON.")]
 _MAX_COLUMNS = 3
@@ -58,8 +62,11 @@ def parking_map(path: Path | None) -> ParkingMap | None:
 def segmenter(model: Path | None) -> Segmenter:
     """The segmentation model that the option names."""
     if model is None:
-        raise AutowazeError("no segmentation model: give one with --model FILE.onnx or set AUTOWAZE_MODEL")
-    return load_segmenter(model)
+        raise AutowazeError(
+            "no segmentation model: give one with --model FILE.onnx or set AUTOWAZE_MODEL; "
+            "--model none goes by free ground and obstacles alone"
+        )
+    return NoSegmentation() if str(model) == NoSegmentation.name else load_segmenter(model)
 
 
 def show_progress(frames: Iterable[StereoFrame], total: int) -> Iterable[StereoFrame]:

@@ -71,7 +71,7 @@ class Confusion:
 
 
 def read_truth(path: str | Path) -> list[SpotTruth]:
-    """Read a JSON object of spot id to {"occupied": bool, "observable": bool}.
+    """Read a JSON object of spot id to {"occupied": bool, "observable": bool}, or one that holds it as "spots".
 
     Raises:
         AutowazeError: the file is missing or of another shape.
@@ -79,6 +79,7 @@ def read_truth(path: str | Path) -> list[SpotTruth]:
     path = Path(path)
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
+        document = document.get("spots", document)
         return [SpotTruth(key, bool(v["occupied"]), bool(v["observable"])) for key, v in document.items()]
     except OSError as error:
         raise AutowazeError(f"{path}: cannot be read: {error.strerror}") from error

@@ -11,8 +11,6 @@ from scipy.spatial import cKDTree
 from autowaze.vehicle.diffing.settings import DiffSettings
 from autowaze.world.labels import ClassLabel, is_movable, is_vehicle
 
-_SPREAD_M = 0.5
-"""Static features are spread over cells of this edge before the best-seen are kept."""
 _SIGMAS = 3.0
 _KNOWN_FRACTION = 0.5
 """An instance of which this share lies on stored vehicle features is the stored one."""
@@ -46,6 +44,7 @@ def new_features(
     candidates: Candidates,
     moving_instances: NDArray[np.int64],
     stored_vehicles: NDArray[np.float64],
+    stored_static: NDArray[np.float64],
     settings: DiffSettings,
     byte_budget: int,
 ) -> NDArray[np.int64]:
@@ -55,6 +54,7 @@ def new_features(
         candidates: landmarks that the map lacks.
         moving_instances: ids of instances that move; their features are traffic, not map.
         stored_vehicles: (M, 3) positions of the map's vehicle features that are still there.
+        stored_static: (S, 3) positions of its other features that are: where it has some, more of them are no news.
         settings: thresholds.
         byte_budget: what the features may take on the wire.
     """
@@ -71,7 +71,8 @@ def new_features(
     instanced = _best_per_instance(candidates, np.flatnonzero(eligible & movable), settings.max_per_instance)
     room = (byte_budget - _BYTES_PER_PLAIN * len(instanced)) // _BYTES_PER_DESCRIBED
     limit = max(min(settings.max_new_static, room), 0)
-    static = _best_spread(candidates, np.flatnonzero(eligible & ~movable), limit)
+    news = ~any_within(stored_static, candidates.position, settings.spread_m)
+    static = _best_spread(candidates, np.flatnonzero(eligible & ~movable & news), limit, settings.spread_m)
     return np.concatenate([static, instanced])
 
 
@@ -83,17 +84,16 @@ def _known_instances(
     vehicle = eligible & is_vehicle(candidates.label)
     if not len(stored) or not vehicle.any():
         return known
-    near, _ = cKDTree(stored).query(candidates.position[vehicle], distance_upper_bound=settings.known_radius_m)
-    explained = np.isfinite(near)
+    explained = any_within(stored, candidates.position[vehicle], settings.known_radius_m)
     _, group = np.unique(candidates.instance[vehicle], return_inverse=True)
     share = np.bincount(group, weights=explained) / np.bincount(group)
     known[vehicle] = share[group] >= _KNOWN_FRACTION
     return known
 
 
-def _best_spread(candidates: Candidates, rows: NDArray[np.int64], limit: int) -> NDArray[np.int64]:
+def _best_spread(candidates: Candidates, rows: NDArray[np.int64], limit: int, spread_m: float) -> NDArray[np.int64]:
     """At most `limit` rows: the best-seen of each cell, then the second-best, and so on."""
-    cell = np.floor(candidates.position[rows] / _SPREAD_M).astype(np.int64)
+    cell = np.floor(candidates.position[rows] / spread_m).astype(np.int64)
     order = np.lexsort((candidates.landmark_id[rows], -candidates.found[rows], cell[:, 2], cell[:, 1], cell[:, 0]))
     rows, cell = rows[order], cell[order]
     if len(rows) <= limit:
@@ -112,3 +112,10 @@ def _best_per_instance(candidates: Candidates, rows: NDArray[np.int64], limit: i
     starts = np.r_[True, np.diff(instance) != 0] if len(rows) else np.zeros(0, np.bool_)
     rank = np.arange(len(rows)) - np.maximum.accumulate(np.where(starts, np.arange(len(rows)), 0))
     return np.asarray(rows[(rank < limit) | (instance == 0)], dtype=np.int64)
+
+
+def any_within(points: NDArray[np.float64], places: NDArray[np.float64], radius_m: float) -> NDArray[np.bool_]:
+    """Mask (N,) of the places (N, 3) with a point (M, 3) within the radius."""
+    if not len(points) or not len(places):
+        return np.zeros(len(places), np.bool_)
+    return np.asarray(np.isfinite(cKDTree(points).query(places, distance_upper_bound=radius_m)[0]))

@@ -27,6 +27,8 @@ class DiffSettings(BaseModel):
         max_diff_bytes: room for the whole diff; static features take what vehicles and ground leave (thesis, sec. 4.5:
             at most 60 KB).
         known_radius_m: a vehicle feature this near to a stored one of the same place is no news.
+        spread_m: static features are spread over cells of this edge before the best-seen are kept; one this near to a
+            stored one is no news.
         trajectory_interval_s: time between points of the trajectory.
     """
 
@@ -47,4 +49,5 @@ class DiffSettings(BaseModel):
     max_per_instance: int = Field(default=100, ge=1)
     max_diff_bytes: int = Field(default=55_000, ge=2000)
     known_radius_m: float = Field(default=0.35, gt=0)
+    spread_m: float = Field(default=0.5, gt=0)
     trajectory_interval_s: float = Field(default=1.0, gt=0)

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from autowaze.vehicle.diffing.instances import InstanceRecord
-from autowaze.vehicle.diffing.novelty import Candidates, new_features
+from autowaze.vehicle.diffing.novelty import Candidates, any_within, new_features
 from autowaze.vehicle.diffing.removal import LookedFor, removed_features
 from autowaze.vehicle.diffing.settings import DiffSettings
 from autowaze.vehicle.diffing.tally import Tally
@@ -33,6 +32,7 @@ _MATCHED = len(Sight)
 _NO_DEPTH_M = 1e3
 _LABEL_BITS = 4
 _SUPPORT_RANGE_M = 25.0
+_NEAR_PATH_M = 60.0
 _BYTES_PER_CELL, _BYTES_OF_THE_REST = 1, 1500  # on the wire: ground, instances, traffic, path
 
 
@@ -194,7 +194,7 @@ class DiffWindow:
         seen = transform(tracked.T_map_cam, features.position_cam)
         # A vehicle that segmentation overlooks still stands there, but the ground under one that left is near, too.
         on_vehicle, places, radius = is_vehicle(features.label), stored.position[near], self.settings.known_radius_m
-        supported = _any_within(seen[on_vehicle], places, radius) | _any_within(seen[~on_vehicle], places, radius / 2)
+        supported = any_within(seen[on_vehicle], places, radius) | any_within(seen[~on_vehicle], places, radius / 2)
         self._looked_for_plain.add(near, np.where(supported, _MATCHED, sight))
 
     def _looked_for_rows(self, landmarks: Landmarks) -> LookedFor:
@@ -236,11 +236,17 @@ class DiffWindow:
     def _new_features(self, landmarks: Landmarks) -> tuple[MapFeatures, NDArray[np.int64]]:
         """New features in wire order, and the landmarks that they are."""
         candidates = self._candidates(landmarks)
-        stored = self._stored.features
-        still_there = is_vehicle(stored.label) & ~np.isin(stored.id, self._removed)
+        stored = self._stored.features[self._near_path(self._stored.features)]
+        stored = stored[~np.isin(stored.id, self._removed)]
+        vehicle = is_vehicle(stored.label)
         budget = self.settings.max_diff_bytes - _BYTES_OF_THE_REST - _BYTES_PER_CELL * len(self._ground.cells())
         chosen = new_features(
-            candidates, self._instances.moving_ids(), stored.position[still_there], self.settings, budget
+            candidates,
+            self._instances.moving_ids(),
+            stored.position[vehicle],
+            stored.position[~vehicle],
+            self.settings,
+            budget,
         )[:MAX_FEATURES_PER_DIFF]
         rows = landmarks.rows(candidates.landmark_id[chosen])
         described = ~is_vehicle(candidates.label[chosen])
@@ -258,6 +264,14 @@ class DiffWindow:
             last_seen=np.full(n, self._times[-1]),
             observations=np.minimum(candidates.found[chosen], 0xFFFF).astype(np.uint16),
         ), candidates.landmark_id[chosen]
+
+    def _near_path(self, features: MapFeatures) -> NDArray[np.bool_]:
+        """Mask (N,) of the features that the window may have come near."""
+        if not self._path:
+            return np.zeros(len(features), np.bool_)
+        path = np.array([position[:2] for _, position, _ in self._path])
+        low, high = path.min(axis=0) - _NEAR_PATH_M, path.max(axis=0) + _NEAR_PATH_M
+        return np.asarray(((features.position[:, :2] > low) & (features.position[:, :2] < high)).all(axis=1))
 
     def _candidates(self, landmarks: Landmarks) -> Candidates:
         ids, found = self._found.counts()
@@ -295,10 +309,3 @@ class DiffWindow:
 def _position_sigma(tracked: TrackedFrame) -> float:
     """One standard deviation of the horizontal position, metres."""
     return float(np.sqrt(max(np.trace(tracked.covariance[:2, :2]), 0.0)))
-
-
-def _any_within(points: NDArray[np.float64], places: NDArray[np.float64], radius_m: float) -> NDArray[np.bool_]:
-    """Mask (N,) of the places (N, 3) with a point (M, 3) within the radius."""
-    if not len(points):
-        return np.zeros(len(places), np.bool_)
-    return np.asarray(np.isfinite(cKDTree(points).query(places, distance_upper_bound=radius_m)[0]))

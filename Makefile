@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: test lint bench format proto clean
+.PHONY: demo test lint bench format proto system clean
 .DEFAULT_GOAL := test
 
 .venv/ready: pyproject.toml
@@ -10,7 +10,19 @@ BIN := .venv/bin
 	@$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	@touch $@
 
-test: .venv/ready  ## every test
+# The simulator draws with OpenGL on EGL; Debian has it in three packages.
+SYSTEM_PACKAGES := libegl1 libgl1 libgl1-mesa-dri
+
+system:  ## system packages, where they are missing
+	@missing=$$(for p in $(SYSTEM_PACKAGES); do dpkg -s $$p >/dev/null 2>&1 || echo $$p; done); \
+	test -z "$$missing" || { \
+		test "$$(id -u)" = 0 && sudo= || sudo=sudo; \
+		$$sudo apt-get update -qq && $$sudo apt-get install -y -qq --no-install-recommends $$missing; }
+
+demo: .venv/ready system  ## the main job on a simulated street
+	$(BIN)/autowaze demo
+
+test: .venv/ready system  ## every test
 	$(BIN)/pytest
 
 lint: .venv/ready  ## style, types, and who may import whom
@@ -23,7 +35,7 @@ format: .venv/ready  ## mend style
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-bench: .venv/ready  ## measured figures of the docs
+bench: .venv/ready system  ## measured figures of the docs
 	$(BIN)/python -m benchmarks
 
 proto:  ## regenerate the protobuf code of the wire format, in an environment of its own

@@ -107,6 +107,17 @@ PRESETS: dict[str, dict[str, Any]] = {
         "length_m": 110.0,
         "frontage": "houses",
         "trees": 0.9,
+        "rows": [
+            {"side": "right", "kind": "parallel", "count": 10, "driveways_after": [3, 6], "pitch_m": 6.1},
+            {
+                "side": "left",
+                "kind": "parallel",
+                "count": 10,
+                "start_m": 4.0,
+                "driveways_after": [2, 7],
+                "pitch_m": 6.1,
+            },
+        ],
         "light": {"solar_time": 9.0},
     },
     "high-street": {

@@ -23,6 +23,7 @@ class Surface:
         gloss: how strongly tinted texels mirror, 0..1.
         glow: light of its own, added.
         wettable: gets dark and mirroring in the rain.
+        underfoot: lies flat below everything, so it is drawn after what hides it.
     """
 
     texture: NDArray[np.uint8]
@@ -31,6 +32,7 @@ class Surface:
     gloss: float = 0.0
     glow: float = 0.0
     wettable: bool = False
+    underfoot: bool = False
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,8 @@ class GpuScene:
         self.textures = {name: self._upload_texture(surface) for name, surface in scene.surfaces.items()}
         self._models = {name: self._upload_model(model) for name, model in scene.models.items()}
         self._far_from = {name: model.far_from_m for name, model in scene.models.items() if model.far}
-        self.still = DrawList(self._ground_draws(scene) + [d for thing in scene.things for d in self.draws_of(thing)])
+        things = [draw for thing in scene.things for draw in self.draws_of(thing)]
+        self.still = DrawList(self._ground_draws(scene) + things, scene.surfaces)
 
     def draws_of(self, thing: Thing) -> list[Draw]:
         """What to draw for one thing, near and far versions."""
@@ -110,8 +111,9 @@ class GpuScene:
 class DrawList:
     """Draws with their bounding spheres in map metres."""
 
-    def __init__(self, draws: list[Draw]) -> None:
+    def __init__(self, draws: list[Draw], surfaces: dict[str, Surface]) -> None:
         self.draws = draws
+        self._underfoot = np.array([surfaces[d.batch.surface].underfoot for d in draws], dtype=bool)
         centres = [d.thing_to_map[:3, :3] @ d.batch.centre + d.thing_to_map[:3, 3] for d in draws]
         self._centre = np.array(centres).reshape(-1, 3)
         self._radius = np.array([d.batch.radius * np.linalg.norm(d.thing_to_map[:3, 0]) for d in draws])
@@ -119,7 +121,7 @@ class DrawList:
         self._to = np.array([d.to_m for d in draws])
 
     def visible(self, map_to_clip: NDArray[np.float64], eye: NDArray[np.float64]) -> list[Draw]:
-        """Draws that a camera may see, nearest first."""
+        """Draws that a camera may see: nearest first, but the ground last, for most of it is hidden."""
         if not self.draws:
             return []
         w, x, y = map_to_clip[3], map_to_clip[0], map_to_clip[1]
@@ -128,7 +130,8 @@ class DrawList:
         inside = (self._centre @ planes[:, :3].T + planes[:, 3] > -self._radius[:, None]).all(axis=1)
         distance = np.linalg.norm(self._centre - eye, axis=1)
         keep = np.flatnonzero(inside & (distance >= self._from) & (distance < self._to))
-        return [self.draws[i] for i in keep[np.argsort(distance[keep] - self._radius[keep], kind="stable")]]
+        order = np.lexsort((distance[keep] - 0.5 * self._radius[keep], self._underfoot[keep]))
+        return [self.draws[i] for i in keep[order]]
 
     def casters(self) -> list[Draw]:
         """Draws that throw shadows: the near version of everything that is no decal."""

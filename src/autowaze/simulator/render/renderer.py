@@ -125,7 +125,8 @@ class Renderer:
 
     def place_moving(self, things: list[Thing], around: NDArray[np.float64]) -> None:
         """Say what moves in the coming renderings, and where (2,) the ego vehicle is."""
-        self._moving = DrawList([draw for thing in things for draw in self.scene.draws_of(thing)])
+        draws = [draw for thing in things for draw in self.scene.draws_of(thing)]
+        self._moving = DrawList(draws, self.scene.surfaces)
         on = max(self._light.sun) > 0 and bool(things)
         if on:
             reach = _MOVING_SHADOW_REACH_M

@@ -27,10 +27,10 @@ def street_surfaces(seed: int, night: bool, autumn: bool) -> dict[str, Surface]:
     lamp[..., 3] = MATTE
     dark = Surface(ground.paint_contact_shadow(), decal=True)
     return {
-        "asphalt": Surface(ground.paint_asphalt(rng(0)), wettable=True),
-        "paving": Surface(ground.paint_paving(rng(1)), wettable=True),
-        "kerb": Surface(ground.paint_kerb(rng(2)), wettable=True),
-        "grass": Surface(ground.paint_grass(rng(3))),
+        "asphalt": Surface(ground.paint_asphalt(rng(0)), wettable=True, underfoot=True),
+        "paving": Surface(ground.paint_paving(rng(1)), wettable=True, underfoot=True),
+        "kerb": Surface(ground.paint_kerb(rng(2)), wettable=True, underfoot=True),
+        "grass": Surface(ground.paint_grass(rng(3)), underfoot=True),
         "marking": Surface(ground.paint_marking(rng(4)), decal=True, wettable=True),
         "blemishes": Surface(ground.paint_blemishes(rng(5)), decal=True, wettable=True),
         "contact-shadow": dark,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -19,7 +18,7 @@ from autowaze.world.identity import MAX_FEATURES_PER_DIFF, feature_ids
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.parking import ParkingMap
 from autowaze.world.stage_times import StageTimes
-from autowaze.world.wire import decode_diff, encode_diff
+from autowaze.world.wire import encode_diff
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "cloud"))
 from street import GEOREFERENCE, Street
@@ -93,26 +92,14 @@ def measure(service: CloudService, payloads: list[bytes], clock: Callable[[], fl
     }
 
 
-def main() -> None:
-    """Print one JSON object per case."""
-    arguments = argparse.ArgumentParser(description=__doc__)
-    arguments.add_argument("--city", action="store_true", help="also with 100,000 spots and 10 million features")
-    arguments.add_argument("--cpu", action="store_true", help="time of this thread, for machines that are shared")
-    options = arguments.parse_args()
-    clock = time.thread_time if options.cpu else time.perf_counter
+def run() -> None:
+    """Print one JSON object per case, in milliseconds of wall time and of this thread's CPU time."""
     diffs = passes(PASSES)
     payloads = [encode_diff(diff) for diff in diffs]
-    assert all(len(decode_diff(payload).new) == len(diff.new) for payload, diff in zip(payloads, diffs, strict=True))
-    for method in ("thesis", "fused"):
-        service = CloudService(STREET.parking_map, method)
-        print(json.dumps({"case": f"15 spots, {method}"} | measure(service, payloads, clock)))
-    if options.city:
-        spots, base = city_spots(), city_map(CITY_FEATURES)
+    spots, base = city_spots(), city_map(CITY_FEATURES)
+    for clock in (time.perf_counter, time.thread_time):
         for method in ("thesis", "fused"):
-            service = CloudService(spots, method, base)
-            case = f"{len(spots)} spots, {len(base)} features, {method}"
-            print(json.dumps({"case": case} | measure(service, payloads, clock)))
-
-
-if __name__ == "__main__":
-    main()
+            street, city = CloudService(STREET.parking_map, method), CloudService(spots, method, base)
+            for case, service in (("15 spots", street), (f"{len(spots)} spots, {len(base)} features", city)):
+                named = {"case": f"{case}, {method}", "clock": clock.__name__}
+                print(json.dumps(named | measure(service, payloads, clock)))

@@ -1,9 +1,5 @@
-"""Times of the semantic stages and of the ground grid on a real drive.
+"""Times of the semantic stages and of the ground grid on a real drive."""
 
-python benchmarks/semantics.py ../shared/data/kitti/drive_0005 ../shared/weights/yolov8n-seg.onnx
-"""
-
-import argparse
 import time
 from collections import defaultdict
 
@@ -19,19 +15,15 @@ from autowaze.vehicle.semantics.segmenter import load_segmenter
 from autowaze.vehicle.semantics.sort import Sort
 from autowaze.vehicle.vision.extractor import FeatureExtractor
 from autowaze.world.pose import heading_to_rotation, make_pose
+from benchmarks.data import KITTI, WEIGHTS
 
+_FRAMES = 40
 T_MAP_WORLD = make_pose(heading_to_rotation(0.0), np.zeros(3))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("trace")
-    parser.add_argument("model")
-    parser.add_argument("--frames", type=int, default=40)
-    parser.add_argument("--long-side", type=int)
-    arguments = parser.parse_args()
-    trace = open_trace(arguments.trace)
-    segmenter = load_segmenter(arguments.model, long_side=arguments.long_side)
+def run() -> None:
+    trace = open_trace(KITTI / "drive_0005")
+    segmenter = load_segmenter(WEIGHTS)
     extractor, sort, motion = FeatureExtractor(trace.camera), Sort(trace.camera), MotionClassifier(trace.camera)
     observer, grid = GroundObserver(trace.camera), GroundGrid()
     times = defaultdict(list)
@@ -43,7 +35,7 @@ def main() -> None:
         return result
 
     before = None
-    for k in range(max(len(trace) - arguments.frames, 0), len(trace)):
+    for k in range(max(len(trace) - _FRAMES, 0), len(trace)):
         frame, T_map_cam = trace[k], T_MAP_WORLD @ trace.ground_truth.T_world_cam[k]
         features = extractor.extract(frame)
         detections = timed("segment", segmenter.segment, frame.left)
@@ -60,7 +52,3 @@ def main() -> None:
     print(f"{'stage':16}{'median ms':>10}{'p95 ms':>10}")
     for stage, values in times.items():
         print(f"{stage:16}{np.median(values[2:]):10.1f}{np.percentile(values[2:], 95):10.1f}")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,4 +1,4 @@
-"""What a diff costs the cloud, on one street and in a city: `python -m benchmarks.cloud [--city] [--cpu]`."""
+"""What a diff costs the cloud, on one street and in a city."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from street import CAMERA
+from known_street import CAMERA
 
 from autowaze.vehicle.slam.bundle_adjustment import BundleProblem, adjust
 from autowaze.vehicle.slam.pose_optimization import optimize_pose

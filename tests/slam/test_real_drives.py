@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from street import stored_map
+from known_street import stored_map
 
 from autowaze.evaluation.trajectory import absolute_errors, relative_errors
 from autowaze.traces import open_trace

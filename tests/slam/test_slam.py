@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from street import CAMERA, Street, drive, stored_map, straight_drive
+from known_street import CAMERA, Street, drive, stored_map, straight_drive
 
 from autowaze.vehicle.slam.slam import StereoSlam
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState

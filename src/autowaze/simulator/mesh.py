@@ -85,12 +85,6 @@ class Mesh:
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
         return replace(self, position=(self.position * factors).astype(np.float32), normal=normal.astype(np.float32))
 
-    def tinted(self, tint: ArrayLike) -> Mesh:
-        """With one tint everywhere; the ambient light stays."""
-        tints = self.tint.copy()
-        tints[:, :3] = np.asarray(tint, np.uint8)[:3]
-        return replace(self, tint=tints)
-
     def select(self, faces: NDArray[np.bool_]) -> Mesh:
         """Only some of the triangles, with the vertices they need."""
         used, inverse = np.unique(self.faces[faces], return_inverse=True)

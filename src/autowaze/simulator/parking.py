@@ -23,10 +23,10 @@ CAR_GLOSS = 0.85
 
 @dataclass(frozen=True)
 class ParkedCar:
-    """A car in a spot (None for one that stands elsewhere)."""
+    """A car in a spot."""
 
     thing: Thing
-    bay: Bay | None
+    bay: Bay
 
 
 def draw_car(scene: Scene, kinds: tuple[str, ...], styles_seed: int, rng: np.random.Generator, id: int) -> Thing:

@@ -18,7 +18,6 @@ from autowaze.simulator.drive import Drive
 from autowaze.simulator.simulated_trace import SimulatedFrame, SimulatedTrace
 from autowaze.simulator.truth import SEEN_RANGE_M, SEEN_VACANT, SEEN_VEHICLE, is_vehicle, vehicle_state
 from autowaze.traces.recorded import (
-    INDEX,
     PARKING_MAP,
     TRUTH_FOLDER,
     FrameEntry,
@@ -156,7 +155,6 @@ def _write_summary(trace: SimulatedTrace, folder: Path) -> None:
     write_bytes(truth / "moving.json", _json(_moving_things(drive)))
     fixes = drive.fixes or (None,) * len(trace)
     entries = [FrameEntry(i, float(t), fix) for i, (t, fix) in enumerate(zip(drive.ego.timestamps, fixes, strict=True))]
-    assert trace.camera is not None
     write_index(folder, trace.camera, entries)
 
 
@@ -233,8 +231,3 @@ def _box(id: int, kind: str, label: ClassLabel) -> dict[str, Any]:
 
 def _size(size: tuple[float, float, float]) -> dict[str, float]:
     return {name: round(value, 4) for name, value in zip(("length", "width", "height"), size, strict=True)}
-
-
-def is_complete(folder: str | Path) -> bool:
-    """Whether a drive was recorded to its end."""
-    return (Path(folder) / INDEX).is_file()

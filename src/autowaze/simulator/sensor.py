@@ -43,12 +43,9 @@ class Sensor:
     def _tiled(self, shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float32]:
         """A piece of the noise bank, taken anew for every picture."""
         row, column = int(rng.integers(0, _BANK)), int(rng.integers(0, 3 * _BANK))
-        rows = (row + np.arange(shape[0]) * 1) % _BANK
+        rows = (row + np.arange(shape[0])) % _BANK
         columns = (column + np.arange(shape[1])) % (3 * _BANK)
-        piece = (
-            self._bank[rows][:, columns] if shape[1] <= 3 * _BANK else np.tile(self._bank[rows], (1, 2))[:, : shape[1]]
-        )
-        return np.ascontiguousarray(piece)
+        return np.ascontiguousarray(self._bank[rows][:, columns])
 
     def wobble(self, frame: int, fx: float) -> NDArray[np.float64]:
         """Rotation (3, 3) that rectification left between the cameras in a frame: a fixed part and a slow drift."""

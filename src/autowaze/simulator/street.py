@@ -11,7 +11,7 @@ import numpy as np
 from autowaze.simulator.description import StreetDescription
 from autowaze.simulator.light import Illumination, illuminate
 from autowaze.simulator.mesh import Mesh, quads
-from autowaze.simulator.parking import ParkedCar, contact_shadow, park_cars
+from autowaze.simulator.parking import ParkedCar, park_cars
 from autowaze.simulator.plan.frontage import build_frontages
 from autowaze.simulator.plan.furnishing import furnish
 from autowaze.simulator.plan.street_plan import StreetPlan, plan_street
@@ -85,9 +85,3 @@ def _setting(description: StreetDescription) -> _Setting:
     scene.models["contact-shadow"] = Model(((quads(square, [(0, 0), (1, 0), (1, 1), (0, 1)]), "contact-shadow"),))
     furnish(scene, plan, description, rng)
     return _Setting(plan, scene.ground, scene.things, scene.models)
-
-
-def still_things(parked: tuple[ParkedCar, ...]) -> list[Thing]:
-    """Parked cars with the dark under them."""
-    cars = [car.thing for car in parked]
-    return cars + [contact_shadow(car) for car in cars]

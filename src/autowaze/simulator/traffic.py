@@ -242,11 +242,10 @@ class _Stage:
         return follow(self._car(), lane, lane.length / 2 + float(self._rng.uniform(5.0, 8.0)) * (self._times - time))
 
     def _leaving(self) -> Actor | None:
-        cars = [c for c in self._street.parked if c.bay and c.thing.id not in {a.thing.id for a in self._cast}]
+        cars = [c for c in self._street.parked if c.thing.id not in {a.thing.id for a in self._cast}]
         if not cars:
             return None
         car = cars[int(self._rng.integers(0, len(cars)))]
-        assert car.bay is not None
         road = self._street.plan.roads[car.bay.road]
         lane = lane_of(road, car.bay.side)
         T = car.thing.T_map_thing
@@ -258,7 +257,7 @@ class _Stage:
         return leave(car.thing, manoeuvre, lane, joins, max(start, 0.5), self._times)
 
     def _arriving(self) -> Actor | None:
-        taken = {c.bay.id for c in self._street.parked if c.bay}
+        taken = {c.bay.id for c in self._street.parked}
         free = [
             b
             for b in self._street.plan.bays

@@ -9,7 +9,8 @@ from shapely import Polygon
 from autowaze.simulator.mesh import Mesh, box, planted
 from autowaze.simulator.plan.street_plan import StreetPlan, polygonal
 from autowaze.simulator.scene import Scene
-from autowaze.simulator.things.buildings import build, draw_style
+from autowaze.simulator.things.building_shell import draw_style
+from autowaze.simulator.things.buildings import build
 from autowaze.simulator.things.ground import KERB_M
 from autowaze.simulator.things.trees import hedge
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
-from autowaze.simulator.mesh import Mesh, box, planted, quads, revolved, tube
+from autowaze.simulator.mesh import Mesh, box, quads, revolved, tube
 from autowaze.simulator.scene import Model
 
 SIGN_CELLS = {"parking": 0, "stop": 1, "speed": 2, "give way": 3}
@@ -118,8 +115,3 @@ def _tapered(foot: tuple[float, float], top: tuple[float, float], z0: float, z1:
     high = [(-top[0], -top[1], z1), (top[0], -top[1], z1), (top[0], top[1], z1), (-top[0], top[1], z1)]
     sides = [[low[i], low[(i + 1) % 4], high[(i + 1) % 4], high[i]] for i in range(4)]
     return quads([*sides, low[::-1]], [(0, 1), (1, 1), (1, 0), (0, 0)])
-
-
-def facing(x: float, y: float, z: float, towards_rad: float) -> NDArray[np.float64]:
-    """Pose of a thing whose front is -y, turned to face a direction."""
-    return planted(x, y, z, towards_rad + np.pi / 2)

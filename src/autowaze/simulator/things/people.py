@@ -37,12 +37,6 @@ def walker(outfit: int, phase: float) -> Mesh:
     return _figure(outfit, legs, (-swing, swing))
 
 
-def stander(outfit: int) -> Mesh:
-    """A person who stands."""
-    legs = [[(0.0, side * 0.10, 0.92), (0.02, side * 0.11, 0.48), (0.0, side * 0.12, 0.05)] for side in (1.0, -1.0)]
-    return _figure(outfit, legs, (0.05, -0.05))
-
-
 def rider(outfit: int, lift: float) -> Mesh:
     """A person on a bicycle's saddle at height `lift`, feet on the pedals."""
     legs: list[list[Point]] = [

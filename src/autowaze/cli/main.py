@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from autowaze import __version__
-from autowaze.cli import evaluate, models
+from autowaze.cli import cloud, evaluate, models
 from autowaze.cli.demo import demo
 from autowaze.cli.drive import drive
 from autowaze.cli.map import build_map
@@ -27,6 +27,7 @@ app.command("demo")(demo)
 app.command("simulate")(simulate)
 app.command("map")(build_map)
 app.command("drive")(drive)
+app.add_typer(cloud.app, name="cloud")
 app.add_typer(evaluate.app, name="evaluate")
 app.add_typer(models.app, name="models")
 

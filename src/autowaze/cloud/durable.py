@@ -10,6 +10,7 @@ from autowaze.cloud.broadcast import Update
 from autowaze.cloud.service import CloudService
 from autowaze.cloud.store import Accepted, Store, StoreError
 from autowaze.world.errors import WireError
+from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.wire import decode_diff
 
 
@@ -23,14 +24,20 @@ class DurableService:
         open_service: makes the service with nothing integrated yet; called again when the state must be rebuilt.
         store: the log and the spots.
         clock: seconds since the epoch, for the time of receipt.
+        admit: refuses diffs, with `RefusedDiffError`, for what does not follow from the log, such as the time of day.
     """
 
     def __init__(
-        self, open_service: Callable[[], CloudService], store: Store, clock: Callable[[], float] = time.time
+        self,
+        open_service: Callable[[], CloudService],
+        store: Store,
+        clock: Callable[[], float] = time.time,
+        admit: Callable[[SemanticMapDiff], None] | None = None,
     ) -> None:
         self._open_service = open_service
         self.store = store
         self._clock = clock
+        self._admit = admit
         self._lock = threading.Lock()
         self.service = self._recovered()
 
@@ -65,6 +72,8 @@ class DurableService:
         for payload in payloads:
             try:
                 diff = decode_diff(payload)
+                if self._admit is not None and not self.service.map.knows(diff):
+                    self._admit(diff)
                 update = self.service.integrate(diff)
             except WireError as error:
                 results.append(error)

@@ -1,0 +1,113 @@
+"""`autowaze cloud`: the service, and the tokens of its cars."""
+
+from __future__ import annotations
+
+import logging
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from autowaze.cli.options import console
+from autowaze.cloud.admission import TimelyAdmission
+from autowaze.cloud.durable import DurableService
+from autowaze.cloud.service import CloudService
+from autowaze.cloud.store import SqliteStore
+from autowaze.cloud.store.tokens import Scope, TokenRegister
+from autowaze.world.errors import AutowazeError
+from autowaze.world.map_file import load_map
+from autowaze.world.parking import ParkingMap
+
+app = typer.Typer(invoke_without_command=True, rich_markup_mode="markdown")
+token = typer.Typer(no_args_is_help=True, help="Tokens that let cars hand in diffs and fetch the map.")
+app.add_typer(token, name="token")
+
+Store = Annotated[Path, typer.Option(help="File of accepted diffs, spots and tokens; made if there is none.")]
+DEFAULT_STORE = Path("autowaze.db")
+DEFAULT_PORT = 8080
+
+
+@app.callback()
+def cloud(
+    context: typer.Context,
+    spots: Annotated[Path | None, typer.Option(help="Parking map, GeoJSON.", show_default=False)] = None,
+    store: Store = DEFAULT_STORE,
+    stored_map: Annotated[Path | None, typer.Option("--map", help="Base map to start from.")] = None,
+    host: Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0 for all.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="0 chooses a free one.", min=0, max=65535)] = DEFAULT_PORT,
+    method: Annotated[str, typer.Option(help="How spots are decided: thesis or fused.")] = "fused",
+    open_to_all: Annotated[bool, typer.Option("--open", help="Take diffs from anyone, without token.")] = False,
+    replay: Annotated[
+        bool, typer.Option("--replay", help="Take drives of another day; time stands at the newest observation.")
+    ] = False,
+    cors: Annotated[list[str] | None, typer.Option(help="Origin whose web pages may read; all by default.")] = None,
+) -> None:
+    """Run the service: diffs in; spots, map and changes out.
+
+    Examples:
+
+        autowaze cloud token add car-1
+
+        autowaze cloud --spots street.geojson --map street.map
+
+        autowaze cloud --spots street.geojson --open --replay
+    """
+    if context.invoked_subcommand is not None:
+        return
+    if spots is None:
+        raise AutowazeError("no parking map: give one with --spots FILE.geojson")
+    from autowaze.cloud.api import create_app
+    from autowaze.cloud.api.guard import Guard
+    from autowaze.cloud.api.server import WebServer, listening_socket
+
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    parking_map = ParkingMap.from_geojson(spots)
+    base_map = load_map(stored_map) if stored_map else None
+    admit = None if replay else TimelyAdmission(time.time)
+    listening = listening_socket(host, port)
+    kept = SqliteStore(store)
+    durable = DurableService(lambda: CloudService(parking_map, method, base_map), kept, admit=admit)
+    tokens = None if open_to_all else TokenRegister(store)
+    server = WebServer(create_app(durable, parking_map, Guard(tokens), None if replay else time.time, cors or ["*"]))
+    address = f"http://{host}:{listening.getsockname()[1]}"
+    console.print(f"{address}  {len(parking_map)} spots, {kept.position} diffs in {store}, method {method}")
+    if tokens is not None and not any(known.revoked_at is None for known in tokens.all()):
+        console.print(f"no car has a token yet: autowaze cloud token add NAME --store {store}")
+    try:
+        server.run(sockets=[listening])
+    finally:
+        kept.close()
+
+
+@token.command("add")
+def add_token(
+    name: Annotated[str, typer.Argument(help="What you call the car; it appears nowhere else.")],
+    store: Store = DEFAULT_STORE,
+    scope: Annotated[list[Scope] | None, typer.Option(help="What it allows; diffs and map by default.")] = None,
+) -> None:
+    """Make a token and print it; it is shown this once."""
+    console.print(TokenRegister(store).add(name, frozenset(scope or Scope)), soft_wrap=True)
+
+
+@token.command("revoke")
+def revoke_token(name: str, store: Store = DEFAULT_STORE) -> None:
+    """Let a token be good no longer, at once."""
+    TokenRegister(store).revoke(name)
+    console.print(f"{name}: revoked")
+
+
+@token.command("list")
+def list_tokens(store: Store = DEFAULT_STORE) -> None:
+    """Every token, without its secret."""
+    table = Table("name", "scopes", "made", "revoked")
+    for known in TokenRegister(store).all():
+        revoked = "" if known.revoked_at is None else _day(known.revoked_at)
+        table.add_row(known.name, ", ".join(sorted(known.scopes)), _day(known.created_at), revoked)
+    console.print(table)
+
+
+def _day(timestamp: float) -> str:
+    return datetime.fromtimestamp(timestamp, UTC).strftime("%Y-%m-%d %H:%M")

@@ -1,0 +1,69 @@
+"""The whole web service: what is made of what, and which routes there are."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+
+from fastapi import Depends, FastAPI
+from starlette.middleware.cors import CORSMiddleware
+
+from autowaze import __version__
+from autowaze.cloud.api.changes import ChangeFeed, change_routes
+from autowaze.cloud.api.feature_map import map_routes
+from autowaze.cloud.api.guard import Guard
+from autowaze.cloud.api.ingest import ingest_routes
+from autowaze.cloud.api.intake import Intake
+from autowaze.cloud.api.meters import Meters
+from autowaze.cloud.api.operations import operation_routes
+from autowaze.cloud.api.problems import answer_with_problems
+from autowaze.cloud.api.security import SecurityHeaders
+from autowaze.cloud.api.spot_book import SpotBook
+from autowaze.cloud.api.spots import spot_routes
+from autowaze.cloud.durable import DurableService
+from autowaze.cloud.store.tokens import Scope
+from autowaze.world.parking import ParkingMap
+
+HOUR_S = 3600
+
+
+def create_app(
+    durable: DurableService,
+    parking_map: ParkingMap,
+    guard: Guard,
+    clock: Callable[[], float] | None,
+    origins: Sequence[str] = ("*",),
+) -> FastAPI:
+    """The service as an ASGI application.
+
+    Args:
+        durable: takes the diffs; the application has it to itself while it runs.
+        parking_map: the spots of the service.
+        guard: who may hand in diffs and fetch the map; spots are everyone's.
+        clock: seconds since the epoch (UTC); None shows the spots as of the newest observation.
+        origins: web pages of these origins may read.
+    """
+    feed, meters = ChangeFeed(durable.service.map.version), Meters()
+    intake = Intake(durable, feed.publish)
+    book = SpotBook(parking_map, intake, clock)
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        intake.open()
+        yield
+        feed.close()
+        await intake.close()
+
+    app = FastAPI(title="Autowaze", version=__version__, lifespan=lifespan, docs_url=None, redoc_url=None)
+    app.state.feed = feed
+    app.include_router(ingest_routes(intake, guard, meters))
+    app.include_router(map_routes(intake), dependencies=[Depends(guard.admits(Scope.MAP))])
+    app.include_router(spot_routes(book))
+    app.include_router(change_routes(feed))
+    app.include_router(operation_routes(intake, feed, meters))
+    answer_with_problems(app)
+    app.add_middleware(
+        CORSMiddleware, allow_origins=origins, allow_methods=["GET"], allow_headers=["*"], max_age=HOUR_S
+    )
+    app.add_middleware(SecurityHeaders)
+    return app

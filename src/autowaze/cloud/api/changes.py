@@ -1,0 +1,184 @@
+"""Changes of spots to everyone who listens: server-sent events and WebSockets."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections import deque
+from collections.abc import AsyncIterator
+from contextlib import suppress
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Header, Query, WebSocket, WebSocketDisconnect
+from fastapi.responses import StreamingResponse
+
+from autowaze.cloud.api.problems import ProblemError, problems
+from autowaze.cloud.broadcast import Update
+
+KEPT_EVENTS = 4096
+MOST_UNREAD = 1024
+"""Events that a listener may lag behind; one that is slower is let go, and comes back from where it was."""
+MOST_LISTENERS = 1000
+QUIET_S = 15.0
+"""After so long without an event a sign of life is sent, so that proxies keep the connection."""
+
+_Version = Annotated[int | None, Query(ge=0, lt=1 << 63, description="Version of the map that the client has seen.")]
+
+
+@dataclass(frozen=True)
+class Event:
+    """What happened, and the version of the map by which it had.
+
+    Attributes:
+        kind: `spots`: these spots changed. `current`: nothing was missed. `reset`: fetch all spots, some were missed.
+    """
+
+    version: int
+    kind: str
+    data: str
+
+    def as_server_sent(self) -> str:
+        """The event in text/event-stream."""
+        return f"id: {self.version}\nevent: {self.kind}\ndata: {self.data}\n\n"
+
+    def as_message(self) -> str:
+        """The event as a WebSocket message."""
+        return f'{{"event":"{self.kind}","version":{self.version},"data":{self.data}}}'
+
+
+class ChangeFeed:
+    """Passes updates on to listeners; keeps the newest for those who come back after a gap."""
+
+    def __init__(self, version: int) -> None:
+        self._version = self._complete_since = version
+        self._events: deque[Event] = deque(maxlen=KEPT_EVENTS)
+        self._listeners: set[asyncio.Queue[Event | None]] = set()
+        self._closed = False
+
+    def publish(self, update: Update) -> None:
+        """Tell everyone which spots an update changed."""
+        self._version = update.version
+        if not update.spots:
+            return
+        spots = [
+            {
+                "spot_id": state.spot_id,
+                "state": state.occupancy.value,
+                "probability_vacant": round(state.probability_vacant, 4),
+                "observed_at": state.observed_at,
+            }
+            for state in update.spots
+        ]
+        event = Event(update.version, "spots", json.dumps({"spots": spots}, separators=(",", ":")))
+        if len(self._events) == KEPT_EVENTS:
+            self._complete_since = self._events[0].version
+        self._events.append(event)
+        for listener in list(self._listeners):
+            self._pass_on(listener, event)
+
+    async def listen(self, since: int | None) -> AsyncIterator[Event | None]:
+        """Events from now on, after those missed since a version; None when all is quiet; ends when it must."""
+        if self._closed:
+            return
+        inbox: asyncio.Queue[Event | None] = asyncio.Queue(MOST_UNREAD)
+        self._listeners.add(inbox)
+        try:
+            for event in self._missed(since):
+                yield event
+            while True:
+                try:
+                    next_event = await asyncio.wait_for(inbox.get(), QUIET_S)
+                except TimeoutError:
+                    yield None
+                    continue
+                if next_event is None:
+                    return
+                yield next_event
+        finally:
+            self._listeners.discard(inbox)
+
+    def close(self) -> None:
+        """Let every listener go, and those who come."""
+        self._closed = True
+        for listener in list(self._listeners):
+            self._let_go(listener)
+
+    @property
+    def listeners(self) -> int:
+        """How many listen."""
+        return len(self._listeners)
+
+    def _missed(self, since: int | None) -> list[Event]:
+        if since is None or since == self._version:
+            return [Event(self._version, "current", "{}")]
+        if not self._complete_since <= since < self._version:
+            return [Event(self._version, "reset", "{}")]
+        return [event for event in self._events if event.version > since]
+
+    def _pass_on(self, listener: asyncio.Queue[Event | None], event: Event) -> None:
+        try:
+            listener.put_nowait(event)
+        except asyncio.QueueFull:
+            self._let_go(listener)
+
+    def _let_go(self, listener: asyncio.Queue[Event | None]) -> None:
+        self._listeners.discard(listener)
+        while not listener.empty():
+            listener.get_nowait()
+        listener.put_nowait(None)
+
+
+def change_routes(feed: ChangeFeed) -> APIRouter:
+    """`/changes` as server-sent events, `/changes/ws` as a WebSocket."""
+    router = APIRouter(tags=["changes"])
+
+    @router.get(
+        "/changes",
+        response_class=StreamingResponse,
+        responses={
+            200: {"content": {"text/event-stream": {}}, "description": "Events `spots`, `current` and `reset`"},
+            **problems(HTTPStatus.BAD_REQUEST, HTTPStatus.SERVICE_UNAVAILABLE),
+        },
+    )
+    async def follow(
+        since: _Version = None, last_event_id: Annotated[str | None, Header(max_length=20)] = None
+    ) -> StreamingResponse:
+        """Changes of spots as they happen; a browser's EventSource resumes by itself."""
+        if feed.listeners >= MOST_LISTENERS:
+            raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, "busy", "too many listen already: come back later")
+        resumed = int(last_event_id) if last_event_id and last_event_id.isdecimal() else since
+
+        async def lines() -> AsyncIterator[str]:
+            async for event in feed.listen(resumed):
+                yield ": quiet\n\n" if event is None else event.as_server_sent()
+
+        return StreamingResponse(lines(), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"})
+
+    @router.websocket("/changes/ws")
+    async def follow_by_socket(socket: WebSocket, since: _Version = None) -> None:
+        if feed.listeners >= MOST_LISTENERS:
+            await socket.close(code=1013, reason="too many listen already")
+            return
+        await socket.accept()
+        sending = asyncio.create_task(_send(socket, feed, since))
+        with suppress(WebSocketDisconnect):
+            while not sending.done():
+                receiving: asyncio.Task[Any] = asyncio.create_task(socket.receive())
+                await asyncio.wait({sending, receiving}, return_when=asyncio.FIRST_COMPLETED)
+                if not receiving.done():
+                    receiving.cancel()
+                elif receiving.result()["type"] == "websocket.disconnect":
+                    break
+        sending.cancel()
+        await asyncio.gather(sending, return_exceptions=True)
+
+    return router
+
+
+async def _send(socket: WebSocket, feed: ChangeFeed, since: int | None) -> None:
+    async for event in feed.listen(since):
+        if event is not None:  # the protocol's own pings are the sign of life
+            await socket.send_text(event.as_message())
+    await socket.close(code=1012, reason="come back from the version that you have")

@@ -1,0 +1,62 @@
+"""Runs the web service on a socket until it is told to stop."""
+
+from __future__ import annotations
+
+import socket
+from types import FrameType
+
+import uvicorn
+from fastapi import FastAPI
+
+from autowaze.world.errors import AutowazeError
+
+MOST_CONNECTIONS = 4096
+GRACE_S = 5
+"""How long requests may go on after the order to stop."""
+
+
+class WebServer(uvicorn.Server):
+    """uvicorn, but those who follow changes are let go first: they would never end by themselves."""
+
+    def __init__(self, app: FastAPI, access_log: bool = False) -> None:
+        super().__init__(
+            uvicorn.Config(
+                app,
+                access_log=access_log,
+                log_config=None,
+                server_header=False,
+                ws="websockets-sansio",
+                ws_max_size=1 << 12,
+                limit_concurrency=MOST_CONNECTIONS,
+                timeout_graceful_shutdown=GRACE_S,
+            )
+        )
+        self._feed = app.state.feed
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Stop, at a signal."""
+        super().handle_exit(sig, frame)
+        self.stop()
+
+    def stop(self) -> None:
+        """Stop soon."""
+        self.should_exit = True
+        self._feed.close()
+
+
+def listening_socket(host: str, port: int) -> socket.socket:
+    """A socket that cars can connect to; port 0 chooses a free one.
+
+    Raises:
+        AutowazeError: the address is taken or not of this machine.
+    """
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        # asyncio turns Nagle's delay of 40 ms off only where the protocol is named; socket.create_server does not.
+        listening = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((host, port))
+        listening.listen(1024)
+    except OSError as error:
+        raise AutowazeError(f"cannot listen on {host} port {port}: {error.strerror or error}") from error
+    return listening

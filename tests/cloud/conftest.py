@@ -1,0 +1,36 @@
+"""A running service, and drives to feed it."""
+
+from dataclasses import replace
+
+import pytest
+from serving import STREET, running
+
+from autowaze.world.wire import encode_diff
+
+
+@pytest.fixture
+def site(tmp_path):
+    with running(tmp_path / "cloud.db") as site:
+        yield site
+
+
+@pytest.fixture(scope="session")
+def diffs():
+    return STREET.drive(STREET.park([0, 2, 5, 9]))
+
+
+@pytest.fixture(scope="session")
+def payloads(diffs):
+    return [encode_diff(diff) for diff in diffs]
+
+
+@pytest.fixture(scope="session")
+def passes(diffs):
+    """Many small diffs, as if cars passed one after the other."""
+
+    def later(diff, session):
+        start = diff.start + session
+        new, trajectory = diff.new[:0], diff.trajectory[:0]
+        return replace(diff, session=session, start=start, end=diff.end + session, new=new, trajectory=trajectory)
+
+    return [encode_diff(later(diff, session)) for session in range(1, 21) for diff in diffs]

@@ -1,0 +1,70 @@
+"""The service behind a real socket, in a thread of the test."""
+
+import threading
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import httpx
+from street import Street
+
+from autowaze.cloud.api import create_app
+from autowaze.cloud.api.guard import Guard
+from autowaze.cloud.api.server import WebServer, listening_socket
+from autowaze.cloud.durable import DurableService
+from autowaze.cloud.service import CloudService
+from autowaze.cloud.store import SqliteStore
+
+STREET = Street(count=12)
+NOW = 2000.0
+
+
+@dataclass
+class Site:
+    """One running service.
+
+    Attributes:
+        clock: seconds since the epoch; advance it by setting `now`.
+    """
+
+    url: str
+    durable: DurableService
+    street: Street = STREET
+    now: float = NOW
+    client: httpx.Client = field(init=False)
+
+    def __post_init__(self):
+        self.client = httpx.Client(base_url=self.url, timeout=10)
+
+    def hand_in(self, payload, **headers):
+        return self.client.post(
+            "/v1/diffs", content=payload, headers={"Content-Type": "application/octet-stream", **headers}
+        )
+
+
+@contextmanager
+def running(path, tokens=None, limit=None, street=STREET, admit=None):
+    """A service in a thread of this process."""
+    store = SqliteStore(path)
+    durable = DurableService(lambda: CloudService(street.parking_map), store, clock=lambda: NOW, admit=admit)
+    listening = listening_socket("127.0.0.1", 0)
+    site = Site(f"http://127.0.0.1:{listening.getsockname()[1]}", durable, street)
+    app = create_app(durable, street.parking_map, Guard(tokens, limit), lambda: site.now)
+    server = WebServer(app)
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+    thread.start()
+    try:
+        with site.client:
+            yield site
+    finally:
+        server.stop()
+        thread.join(20)
+        store.close()
+    assert not thread.is_alive()
+
+
+def assert_problem(response, status, error):
+    assert response.status_code == status, response.text
+    body = response.json()
+    assert body["error"] == error
+    assert body["error_description"]
+    assert isinstance(body["error_details"], list)

@@ -135,10 +135,8 @@ def _write_frame(folder: Path, frame: SimulatedFrame, depth: bool) -> None:
         "spots": {v.spot_id: {"visible": v.visible, "range_m": v.range_m, "seen": v.seen} for v in frame.spots},
         "pixels": {str(i): int(n) for i, n in zip(ids, counts, strict=True) if i > 0},
     }
-    path = _view_path(folder, index)
-    path.parent.mkdir(parents=True, exist_ok=True)
     # last, because it says that the frame is complete
-    write_bytes(path, _json(view))
+    write_bytes(_view_path(folder, index), _json(view))
 
 
 def _json(document: object) -> bytes:

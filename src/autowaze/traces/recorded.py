@@ -126,7 +126,6 @@ def image_path(folder: Path, side: str, index: int) -> Path:
 
 def write_image(path: Path, image: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
     """Write a PNG, whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     done, encoded = cv2.imencode(".png", image, _PNG)
     if not done:
         raise TraceError(f"{path}: cannot encode an image of {image.shape} {image.dtype}")
@@ -137,6 +136,7 @@ def write_bytes(path: Path, content: bytes) -> None:
     """Write a file, whole or not at all."""
     partial = path.with_name(path.name + ".part")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         partial.write_bytes(content)
         partial.replace(path)
     except OSError as error:

@@ -9,8 +9,9 @@ from shapely import MultiPolygon, Point, Polygon, box, union_all
 from shapely.affinity import rotate
 from shapely.geometry.base import BaseGeometry
 
-from autowaze.simulator.curve import Curve, bend, rounded
+from autowaze.simulator.curve import Curve
 from autowaze.simulator.description import BayKind, ParkingRow, Side, StreetDescription
+from autowaze.simulator.plan.layouts import block, car_park, math_heading, through_street
 from autowaze.simulator.plan.roads import LANE_M, Bay, Road, make_bay, pitch, strip_width
 from autowaze.world.errors import AutowazeError
 from autowaze.world.georeference import Georeference
@@ -26,11 +27,7 @@ def polygonal(geometry: BaseGeometry) -> Area:
 
 
 DRIVEWAY_M = 4.2
-_APPROACH_M = 48.0
-"""How far roads run on beyond the last crossing."""
-_CLEAR_OF_CROSSING_M = 12.5
 _CORNER_RADIUS_M = 5.0
-_LANE_CENTRE_M = LANE_M / 2
 _SIDES: tuple[Side, ...] = ("right", "left")
 _UNDER_WALLS_M = 0.6
 """How far paving runs on under the buildings, so that no grass shows at their foot."""
@@ -110,7 +107,7 @@ def plan_street(description: StreetDescription) -> StreetPlan:
         AutowazeError: rows of bays that do not fit.
     """
     rng = np.random.default_rng([description.seed, 1])
-    layout = {"straight": _through_street, "curved": _through_street, "block": _block, "lot": _car_park}
+    layout = {"straight": through_street, "curved": through_street, "block": block, "lot": car_park}
     roads, route, main_roads = layout[description.layout](description)
     rows = description.rows or _rows_by_seed(description, roads, main_roads, rng)
     roads = _with_parking(roads, rows)
@@ -127,85 +124,8 @@ def plan_street(description: StreetDescription) -> StreetPlan:
         route=route,
         loops=description.layout == "block",
         georeference=Georeference(description.latitude, description.longitude, description.altitude_m),
-        heading_rad=_math_heading(description),
+        heading_rad=math_heading(description),
     )
-
-
-def _math_heading(description: StreetDescription) -> float:
-    return float(np.pi / 2 - np.radians(description.heading_deg))
-
-
-def _road(centre: Curve, allowed: tuple[float, float], pavement: bool = True) -> Road:
-    road = Road(centre, (0.0, 0.0), allowed)
-    return road if pavement else replace(road, pavement_m=0.0)
-
-
-def _through_street(description: StreetDescription) -> tuple[list[Road], Curve, list[int]]:
-    """One street between two crossings, from where a cross street comes in at either end."""
-    length = description.length_m
-    total = length + 2 * _APPROACH_M
-    heading = _math_heading(description)
-    turn = np.radians(description.turn_deg) * total / length if description.layout == "curved" else 0.0
-    main = bend([0.0, 0.0], heading - turn * _APPROACH_M / total, total, turn)
-    main = Curve(main.points - main.at(_APPROACH_M))
-    roads = [_road(main, (_APPROACH_M + _CLEAR_OF_CROSSING_M, _APPROACH_M + length - _CLEAR_OF_CROSSING_M))]
-    for s in (_APPROACH_M, _APPROACH_M + length):
-        middle, left = main.at(s), main.left(s)
-        cross = Curve(np.stack([middle - _APPROACH_M * left, middle + _APPROACH_M * left]))
-        roads.append(_road(cross, (0.0, 0.0)))
-    lane = main.offset(-_LANE_CENTRE_M)
-    route = lane.part(_APPROACH_M - 6.0, _APPROACH_M + length + 4.0)
-    return roads, route, [0]
-
-
-def _block(description: StreetDescription) -> tuple[list[Road], Curve, list[int]]:
-    """Four streets round a block, driven clockwise, so that all turns are to the right."""
-    heading = _math_heading(description)
-    along = np.array([np.cos(heading), np.sin(heading)])
-    right = np.array([along[1], -along[0]])
-    corners = [
-        np.zeros(2),
-        description.length_m * along,
-        description.length_m * along + description.depth_m * right,
-        description.depth_m * right,
-    ]
-    roads = []
-    for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
-        direction = (b - a) / np.linalg.norm(b - a)
-        side_length = float(np.linalg.norm(b - a))
-        centre = Curve(np.stack([a - _APPROACH_M * direction, b + _APPROACH_M * direction]))
-        roads.append(
-            _road(centre, (_APPROACH_M + _CLEAR_OF_CROSSING_M, _APPROACH_M + side_length - _CLEAR_OF_CROSSING_M))
-        )
-    middle = np.mean(corners, axis=0)
-    inset = [
-        c + _LANE_CENTRE_M * (np.sign((middle - c) @ along) * along + np.sign((middle - c) @ right) * right)
-        for c in corners
-    ]
-    start = inset[0] + 16.0 * along
-    route = rounded([start, inset[1], inset[2], inset[3], inset[0], start + 26.0 * along], 6.5)
-    return roads, route, [0, 1, 2, 3]
-
-
-def _car_park(description: StreetDescription) -> tuple[list[Road], Curve, list[int]]:
-    """Two aisles with bays on both sides, joined at their ends."""
-    heading = _math_heading(description)
-    along = np.array([np.cos(heading), np.sin(heading)])
-    right = np.array([along[1], -along[0]])
-    between = 2 * (LANE_M + strip_width("perpendicular")) + 0.6
-    length = description.length_m
-    aisles = []
-    for i, (a, b) in enumerate([(0.0, length), (length, 0.0)]):
-        centre = Curve(np.stack([a * along, b * along]) + i * between * right)
-        aisles.append(_road(centre, (7.0, length - 7.0), pavement=False))
-    turn_lane = _LANE_CENTRE_M
-    corners = [
-        3.0 * along + turn_lane * right,
-        (length - LANE_M) * along + turn_lane * right,
-        (length - LANE_M) * along + (between - turn_lane) * right,
-        1.0 * along + (between - turn_lane) * right,
-    ]
-    return aisles, rounded(corners, 5.5), [0, 1]
 
 
 def _rows_by_seed(

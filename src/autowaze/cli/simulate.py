@@ -36,7 +36,7 @@ def simulate(
 
     from autowaze.simulator import load_description, record
 
-    changes = {
+    changes: dict[str, dict[str, object]] = {
         "ego": {"frames": frames},
         "parking": {"occupancy": occupancy},
         "light": {"weather": weather, "solar_time": time},

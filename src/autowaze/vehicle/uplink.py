@@ -1,0 +1,182 @@
+"""Diffs from the outbox to the service, one after the other, each until it is acknowledged."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import random
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Protocol
+
+from autowaze.vehicle.connection import CloudConnection, Reply, UnreachableError
+from autowaze.vehicle.outbox import Outbox
+
+FIRST_WAIT_S, LONGEST_WAIT_S = 0.5, 60.0
+DIFFS_PATH = "/v1/diffs"
+_NEVER = {"not_a_diff", "diff_refused", "too_large"}
+"""The service's words for a diff that it will never take; any other refusal may be of the moment or of a proxy."""
+
+_log = logging.getLogger(__name__)
+
+
+class Outcome(Enum):
+    """What became of a diff."""
+
+    ACKNOWLEDGED = auto()
+    REFUSED = auto()
+    LATER = auto()
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a transport says of a diff.
+
+    Attributes:
+        reason: for a person.
+        wait_s: how long the service asked to wait, if it did.
+    """
+
+    outcome: Outcome
+    reason: str = ""
+    wait_s: float | None = None
+
+
+class Transport(Protocol):
+    """What carries diffs; several may share an uplink's rules."""
+
+    def hand_in(self, message: bytes) -> Answer:
+        """Try once."""
+
+    def close(self) -> None:
+        """Let go of what is held."""
+
+
+class HttpTransport:
+    """Hands diffs in over HTTP."""
+
+    def __init__(self, connection: CloudConnection) -> None:
+        self._connection = connection
+
+    def hand_in(self, message: bytes) -> Answer:
+        """Try once; only an answer that names the very bytes sent is an acknowledgement."""
+        try:
+            reply = self._connection.post(DIFFS_PATH, message)
+        except UnreachableError as error:
+            return Answer(Outcome.LATER, str(error))
+        body = _json_object(reply.body)
+        if reply.status in (200, 202) and body.get("sha256") == hashlib.sha256(message).hexdigest():
+            return Answer(Outcome.ACKNOWLEDGED)
+        reason = f"{self._connection.url}: {reply.status} {body.get('error_description', 'not our service?')}"
+        if body.get("error") in _NEVER and 400 <= reply.status < 500:
+            return Answer(Outcome.REFUSED, reason)
+        return Answer(Outcome.LATER, reason, _retry_after_s(reply))
+
+    def close(self) -> None:
+        """Let go of the connection."""
+        self._connection.close()
+
+
+class Uplink:
+    """Sends what lies in the outbox, in order, in a thread of its own.
+
+    Args:
+        outbox: may hold diffs of an earlier drive; they go first.
+        transport: used by the thread only.
+        randomness: 0..1, spreads the retries of many cars after an outage.
+    """
+
+    def __init__(self, outbox: Outbox, transport: Transport, randomness: Callable[[], float] = random.random) -> None:
+        self.outbox = outbox
+        self.acknowledged = 0
+        self.refused = 0
+        self.trouble = ""
+        """Why the last try failed; empty after one that did not."""
+        self._transport = transport
+        self._randomness = randomness
+        self._changed = threading.Condition()
+        self._stopping = False
+        self._thread = threading.Thread(target=self._run, name="uplink", daemon=True)
+        self._thread.start()
+
+    def send(self, message: bytes) -> None:
+        """Keep a diff on disk and send it as soon as may be; raises `OutboxError` if it could not be kept."""
+        self.outbox.put(message)
+        with self._changed:
+            self._changed.notify_all()
+
+    def flush(self, timeout_s: float) -> bool:
+        """Wait until all is acknowledged or refused; False if some is left when time is up."""
+        deadline = time.monotonic() + timeout_s
+        with self._changed:
+            while len(self.outbox) > 0:
+                left_s = deadline - time.monotonic()
+                if left_s <= 0:
+                    return False
+                self._changed.wait(left_s)
+        return True
+
+    def close(self) -> None:
+        """Stop; what is left stays in the outbox for the next start."""
+        with self._changed:
+            self._stopping = True
+            self._changed.notify_all()
+        self._thread.join()
+        self._transport.close()
+        self.outbox.close()
+
+    def _run(self) -> None:
+        failures = 0
+        while not self._stopping:
+            item = self.outbox.first()
+            if item is None:
+                self._pause(None)
+                continue
+            number, message = item
+            answer = self._transport.hand_in(message)
+            self._note(number, answer)
+            if answer.outcome is not Outcome.LATER:
+                failures = 0
+                continue
+            limit_s = min(FIRST_WAIT_S * 2.0 ** min(failures, 10), LONGEST_WAIT_S)
+            failures += 1
+            self._pause(answer.wait_s if answer.wait_s is not None else limit_s * (0.5 + 0.5 * self._randomness()))
+
+    def _note(self, number: int, answer: Answer) -> None:
+        if answer.outcome is Outcome.LATER:
+            if not self.trouble:
+                _log.warning("%s; diffs stay in %s until they are acknowledged", answer.reason, self.outbox.folder)
+            self.trouble = answer.reason
+            return
+        with self._changed:
+            self.trouble = ""
+            if answer.outcome is Outcome.ACKNOWLEDGED:
+                self.outbox.remove(number)
+                self.acknowledged += 1
+            else:
+                _log.error("%s; the diff lies in %s/refused", answer.reason, self.outbox.folder)
+                self.outbox.set_aside(number)
+                self.refused += 1
+            self._changed.notify_all()
+
+    def _pause(self, wait_s: float | None) -> None:
+        """Wait for the time, or for a new diff where no time is given; in either case for the order to stop."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._stopping or (wait_s is None and len(self.outbox) > 0), wait_s)
+
+
+def _json_object(data: bytes) -> dict[str, object]:
+    try:
+        document = json.loads(data)
+    except (ValueError, RecursionError):
+        return {}
+    return document if isinstance(document, dict) else {}
+
+
+def _retry_after_s(reply: Reply) -> float | None:
+    stated = reply.headers.get("retry-after", "")
+    return min(float(stated), LONGEST_WAIT_S) if stated.isascii() and stated.isdecimal() else None

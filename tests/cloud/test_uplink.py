@@ -15,11 +15,13 @@ import pytest
 from serving import STREET, running
 from shapely.geometry import mapping
 
+from autowaze.cli.remote_drive import in_the_services_frame, service_map, uplink_to
 from autowaze.cloud.service import CloudService
 from autowaze.cloud.store import SqliteStore
 from autowaze.cloud.store.tokens import Scope, TokenRegister
 from autowaze.vehicle.connection import CloudConnection, UnreachableError
 from autowaze.vehicle.downlink import brought_up_to_date, fetch_map
+from autowaze.vehicle.node import StartingPoint
 from autowaze.vehicle.outbox import Outbox
 from autowaze.vehicle.uplink import HttpTransport, Outcome, Uplink
 from autowaze.world.errors import AutowazeError
@@ -130,6 +132,14 @@ def test_a_car_follows_the_services_map(site, payloads):
         assert stored.features.id.tolist() == site.durable.service.feature_map.features.id.tolist()
         stored.version = 999
         assert brought_up_to_date(stored, connection).version == len(payloads)
+
+
+def test_a_drive_sends_to_the_service_in_its_map_frame(site, tmp_path, payloads, capsys):
+    start = in_the_services_frame(StartingPoint(), service_map(site.url, None))
+    assert start.georeference == site.street.parking_map.georeference
+    with uplink_to(site.url, None, tmp_path / "outbox") as uplink:
+        uplink.send(payloads[0])
+    assert "1 diffs acknowledged, 0 refused" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("url", ["parking.example", "ftp://parking.example", "http://", "http://a:port"])

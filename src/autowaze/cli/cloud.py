@@ -43,6 +43,8 @@ def cloud(
     replay: Annotated[
         bool, typer.Option("--replay", help="Take drives of another day; time stands at the newest observation.")
     ] = False,
+    certificate: Annotated[Path | None, typer.Option(help="TLS certificate chain, PEM; with --key.")] = None,
+    key: Annotated[Path | None, typer.Option(help="Its private key, PEM.")] = None,
     cors: Annotated[list[str] | None, typer.Option(help="Origin whose web pages may read; all by default.")] = None,
 ) -> None:
     """Run the service: diffs in; spots, map and changes out.
@@ -71,8 +73,9 @@ def cloud(
     kept = SqliteStore(store)
     durable = DurableService(lambda: CloudService(parking_map, method, base_map), kept, admit=admit)
     tokens = None if open_to_all else TokenRegister(store)
-    server = WebServer(create_app(durable, parking_map, Guard(tokens), None if replay else time.time, cors or ["*"]))
-    address = f"http://{host}:{listening.getsockname()[1]}"
+    site = create_app(durable, parking_map, Guard(tokens), None if replay else time.time, cors or ["*"])
+    server = WebServer(site, certificate, key)
+    address = f"{'https' if certificate else 'http'}://{host}:{listening.getsockname()[1]}"
     console.print(f"{address}  {len(parking_map)} spots, {kept.position} diffs in {store}, method {method}")
     if tokens is not None and not any(known.revoked_at is None for known in tokens.all()):
         console.print(f"no car has a token yet: autowaze cloud token add NAME --store {store}")

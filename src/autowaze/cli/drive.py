@@ -1,4 +1,4 @@
-"""`autowaze drive`: one car over a trace, cloud in the same process."""
+"""`autowaze drive`: one car over a trace, cloud in the same process or over the network."""
 
 from __future__ import annotations
 
@@ -13,13 +13,16 @@ from autowaze.cli.options import (
     Frames,
     JsonFile,
     Model,
+    Spots,
     TracePath,
     console,
     opened,
+    parking_map,
     print_metrics,
     segmenter,
     show_progress,
 )
+from autowaze.cli.remote_drive import in_the_services_frame, service_map, uplink_to
 from autowaze.cloud.service import CloudService
 from autowaze.evaluation.birdseye import draw_birdseye
 from autowaze.evaluation.datum import Start, starting_point
@@ -29,13 +32,14 @@ from autowaze.evaluation.network import network_metrics
 from autowaze.evaluation.overlay import OverlayVideo
 from autowaze.evaluation.report import report, write_report
 from autowaze.vehicle.node import VehicleNode
+from autowaze.world.errors import AutowazeError
 from autowaze.world.map_file import load_map
 from autowaze.world.parking import Occupancy, ParkingMap
 
 
 def drive(
     trace: TracePath,
-    spots: Annotated[Path, typer.Option(help="Parking map, GeoJSON.", show_default=False)],
+    spots: Spots = None,
     model: Model = None,
     stored_map: Annotated[Path | None, typer.Option("--map", help="Stored map to localise in.")] = None,
     cameras: Cameras = "auto",
@@ -46,8 +50,11 @@ def drive(
     video: Annotated[Path | None, typer.Option(help="Overlays: an .mp4 file, or a folder of pictures.")] = None,
     vacant: Annotated[Path | None, typer.Option(help="Write the vacant rectangles (JSON) here.")] = None,
     json_file: JsonFile = None,
+    cloud_url: Annotated[str | None, typer.Option("--cloud", help="Send to the service at this URL.")] = None,
+    token: Annotated[str | None, typer.Option(help="Token for the service.", envvar="AUTOWAZE_TOKEN")] = None,
+    outbox: Annotated[Path | None, typer.Option(help="Where diffs wait for the service; else in your home.")] = None,
 ) -> None:
-    """Drive a trace and say which spots are free.
+    """Drive a trace and say which spots are free, or let a service say it.
 
     Examples:
 
@@ -55,12 +62,30 @@ def drive(
 
         autowaze drive kitti/odometry_00 --spots kitti/odometry_00/parking_map.geojson --start first-true-pose
         --video overlays/
+
+        autowaze drive drives/monday --cloud https://parking.example --token awz_...
     """
-    source, parking_map = opened(trace, cameras, frames), ParkingMap.from_geojson(spots)
+    source = opened(trace, cameras, frames)
+    if cloud_url is not None:
+        if plot or vacant:
+            raise AutowazeError("--plot and --vacant show a cloud in the same process; ask the service for /vacant")
+        stored = load_map(stored_map) if stored_map else service_map(cloud_url, token)
+        begin = in_the_services_frame(starting_point(source, parking_map(spots), start), stored)
+        node = VehicleNode(source.camera, segmenter(model), stored_map=stored or None, start=begin)
+        with OverlayVideo.open(video) as overlays, uplink_to(cloud_url, token, outbox) as uplink:
+            record = run_drive(source, node, uplink.send, show_progress, overlays.add)
+        results = {source.name: {**latency_metrics(record, node), **network_metrics(record)}}
+        print_metrics("drive", results)
+        if json_file:
+            write_report(json_file, report({"trace": str(trace), "model": str(model), "start": start}, results))
+        return
+    if spots is None:
+        raise AutowazeError("no cloud: give a parking map with --spots FILE.geojson, or a service with --cloud URL")
+    marked_spots = ParkingMap.from_geojson(spots)
     base_map = load_map(stored_map) if stored_map else None
-    cloud = CloudService(parking_map, method=method, base_map=base_map)
+    cloud = CloudService(marked_spots, method=method, base_map=base_map)
     node = VehicleNode(
-        source.camera, segmenter(model), stored_map=base_map, start=starting_point(source, parking_map, start)
+        source.camera, segmenter(model), stored_map=base_map, start=starting_point(source, marked_spots, start)
     )
     with OverlayVideo.open(video) as overlays:
         record = run_drive(source, node, cloud.receive, show_progress, overlays.add)

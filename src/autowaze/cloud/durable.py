@@ -71,7 +71,8 @@ class DurableService:
         accepted, changed = [], {}
         for payload in payloads:
             try:
-                diff = decode_diff(payload)
+                with self.service.times.stage("decode"):
+                    diff = decode_diff(payload)
                 if self._admit is not None and not self.service.map.knows(diff):
                     self._admit(diff)
                 update = self.service.integrate(diff)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+from pathlib import Path
 from types import FrameType
 
 import uvicorn
@@ -16,13 +17,25 @@ GRACE_S = 5
 
 
 class WebServer(uvicorn.Server):
-    """uvicorn, but those who follow changes are let go first: they would never end by themselves."""
+    """uvicorn, but those who follow changes are let go first: they would never end by themselves.
 
-    def __init__(self, app: FastAPI, access_log: bool = False) -> None:
+    Args:
+        app: what `create_app` made.
+        certificate, key: PEM files for TLS.
+
+    Raises:
+        AutowazeError: certificate and key cannot be used.
+    """
+
+    def __init__(self, app: FastAPI, certificate: Path | None = None, key: Path | None = None) -> None:
+        if (certificate is None) != (key is None):
+            raise AutowazeError("TLS needs both --certificate and --key")
         super().__init__(
             uvicorn.Config(
                 app,
-                access_log=access_log,
+                ssl_certfile=certificate,
+                ssl_keyfile=key,
+                access_log=False,
                 log_config=None,
                 server_header=False,
                 ws="websockets-sansio",
@@ -31,6 +44,10 @@ class WebServer(uvicorn.Server):
                 timeout_graceful_shutdown=GRACE_S,
             )
         )
+        try:
+            self.config.load()
+        except (OSError, ValueError) as error:  # ssl.SSLError is an OSError
+            raise AutowazeError(f"{certificate}, {key}: not usable for TLS: {error}") from error
         self._feed = app.state.feed
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:

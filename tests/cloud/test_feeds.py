@@ -147,3 +147,52 @@ def test_the_interface_is_documented(site):
     for path, operations in document["paths"].items():
         for operation in operations.values():
             assert operation.get("description"), path
+
+
+def test_spots_are_read_page_by_page_as_qgis_does(site, payloads):
+    drive_by(site, payloads)
+    root = site.client.get("/").json()
+    data = next(link["href"] for link in root["links"] if link["rel"] == "data")
+    collection = site.client.get(data).json()["collections"][0]
+    url = next(link["href"] for link in collection["links"] if link["rel"] == "items") + "?limit=5"
+    seen, pages = [], 0
+    while url:
+        page = site.client.get(url).json()
+        assert page["numberMatched"] == 12
+        assert page["numberReturned"] == len(page["features"]) <= 5
+        seen += [feature["id"] for feature in page["features"]]
+        pages += 1
+        url = next((link["href"] for link in page["links"] if link["rel"] == "next"), None)
+    assert (pages, seen) == (3, [f"S{i}" for i in range(12)])
+    west, south, east, north = collection["extent"]["spatial"]["bbox"][0]
+    everything = site.client.get("/collections/spots/items", params={"bbox": f"{west},{south},{east},{north}"})
+    assert everything.json()["numberMatched"] == 12
+    assert site.client.get("/collections/spots/items?bbox=1,1,2,2").json()["numberMatched"] == 0
+    assert site.client.get("/collections/spots/items/S3").json()["properties"]["kind"] == "unknown"
+    assert any(part.endswith("/core") for part in site.client.get("/conformance").json()["conformsTo"])
+
+
+def test_spots_may_be_chosen_by_when_they_were_seen(site, payloads):
+    drive_by(site, payloads)
+
+    def count(interval):
+        return site.client.get("/collections/spots/items", params={"datetime": interval}).json()["numberMatched"]
+
+    assert count("1970-01-01T00:16:40Z/..") == 12
+    assert count("../1970-01-01T00:00:01Z") == 0
+    assert count("1970-01-01T00:00:00Z/1970-01-02T00:00:00Z") == 12
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        *("limit=0", "limit=x", "offset=-1", "bbox=1,2,3", "bbox=a,b,c,d", "bbox=1,9,2,3", "bbox=nan,1,2,3"),
+        *("datetime=yesterday", "datetime=2026-01-02T00:00:00Z/2026-01-01T00:00:00Z", "datetime=..%2F.."),
+    ],
+)
+def test_a_wrong_question_about_items_is_answered_with_400(site, query):
+    assert_problem(site.client.get(f"/collections/spots/items?{query}"), 400, "bad_parameter")
+
+
+def test_an_unknown_spot_is_not_found(site):
+    assert_problem(site.client.get("/collections/spots/items/S99"), 404, "not_found")

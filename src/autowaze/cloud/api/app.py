@@ -11,6 +11,7 @@ from starlette.middleware.cors import CORSMiddleware
 from autowaze import __version__
 from autowaze.cloud.api.changes import ChangeFeed, change_routes
 from autowaze.cloud.api.feature_map import map_routes
+from autowaze.cloud.api.features import feature_routes
 from autowaze.cloud.api.guard import Guard
 from autowaze.cloud.api.ingest import ingest_routes
 from autowaze.cloud.api.intake import Intake
@@ -59,6 +60,7 @@ def create_app(
     app.include_router(ingest_routes(intake, guard, meters))
     app.include_router(map_routes(intake), dependencies=[Depends(guard.admits(Scope.MAP))])
     app.include_router(spot_routes(book))
+    app.include_router(feature_routes(book))
     app.include_router(change_routes(feed))
     app.include_router(operation_routes(intake, feed, meters))
     answer_with_problems(app)

@@ -63,6 +63,7 @@ class Landmarks:
 
     def __init__(self, capacity: int = 1 << 14) -> None:
         self._store = {name: np.zeros((capacity, *shape), dtype) for name, (dtype, shape) in _COLUMNS.items()}
+        self._row_of_id = np.full(capacity + 2, NO_LANDMARK, np.int64)  # the first and the last are never given
         self._next_id = 1
         self._count = 0
         self._bind()
@@ -87,6 +88,7 @@ class Landmarks:
         self._next_id += n
         self._count = stop
         self._bind()
+        self._file_rows(ids, start)
         return ids
 
     def add_stored(self, features: MapFeatures) -> NDArray[np.int64]:
@@ -106,20 +108,28 @@ class Landmarks:
 
     def rows(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """Row numbers of ids; -1 for ids that were culled or never given."""
-        ids = np.asarray(ids, dtype=np.int64)
-        if not self._count:
-            return np.full(ids.shape, -1, np.int64)
-        at = np.minimum(np.searchsorted(self.id, ids), self._count - 1)
-        return np.where(self.id[at] == ids, at, -1)
+        return np.asarray(self._row_of_id.take(ids, mode="clip"))
 
     def remove(self, gone: NDArray[np.bool_]) -> None:
         """Drop the rows of a mask (N,); the others keep their order and ids, not their row numbers."""
-        keep = ~gone
-        n = int(np.count_nonzero(keep))
+        if not gone.any():
+            return
+        first = int(gone.argmax())
+        keep = np.flatnonzero(~gone[first:]) + first
+        self._row_of_id[self.id[first:]] = NO_LANDMARK
         for store in self._store.values():
-            store[:n] = store[: self._count][keep]
-        self._count = n
+            store[first : first + len(keep)] = store[keep]
+        self._count = first + len(keep)
         self._bind()
+        self._row_of_id[self.id[first:]] = np.arange(first, self._count)
+
+    def _file_rows(self, ids: NDArray[np.int64], first_row: int) -> None:
+        """Note that these new ids stand in consecutive rows."""
+        if self._next_id + 1 > len(self._row_of_id):
+            grown = np.full(2 * (self._next_id + 1), NO_LANDMARK, np.int64)
+            grown[: len(self._row_of_id)] = self._row_of_id
+            self._row_of_id = grown
+        self._row_of_id[ids] = np.arange(first_row, first_row + len(ids))
 
     def _reserve(self, size: int) -> None:
         capacity = len(self._store["id"])

@@ -44,6 +44,7 @@ def optimize_pose(
     weight: NDArray[np.float64],
     camera: StereoCamera,
     depth_error: NDArray[np.float64] | None = None,
+    rounds: int = _ROUNDS,
 ) -> PoseEstimate:
     """Gauss-Newton with Huber weights, outliers told apart anew each round.
 
@@ -59,6 +60,7 @@ def optimize_pose(
         camera: calibration.
         depth_error: (M, 3) standard deviation of each landmark along the ray on which it was seen, as a vector in the
             map frame, m; none by default.
+        rounds: of telling outliers apart; the first two weigh them down, the others leave them out.
     """
     T = inverse(T_map_cam)
     depth_error = np.zeros_like(position) if depth_error is None else depth_error
@@ -72,6 +74,7 @@ def optimize_pose(
         information,
         weight,
         calibration,
+        rounds,
     )
     T_new = inverse(make_pose(orthonormal(R), t))
     return PoseEstimate(T_new, _covariance(H, T_new[:3, :3]), inlier, chi2)
@@ -130,36 +133,38 @@ def _pose_jacobian(J, point_cam, Jp):  # type: ignore[no-untyped-def]
 def _marginal(R, J, depth_error, information, residual, W, Wr):  # type: ignore[no-untyped-def]
     """Squared error of an observation whose landmark may move along its ray (Sherman-Morrison).
 
-    Fills W (3, 3), the information that remains, and Wr (3), that times the residual.
+    Fills the upper triangle of W (3, 3), the information that remains, and Wr (3), that times the residual.
     """
-    w = (information[0], information[0], information[1])
-    along = np.empty(3)
+    iu, id_ = information[0], information[1]
     e0 = R[0, 0] * depth_error[0] + R[0, 1] * depth_error[1] + R[0, 2] * depth_error[2]
     e1 = R[1, 0] * depth_error[0] + R[1, 1] * depth_error[1] + R[1, 2] * depth_error[2]
     e2 = R[2, 0] * depth_error[0] + R[2, 1] * depth_error[1] + R[2, 2] * depth_error[2]
-    total = 1.0
-    for r in range(3):
-        along[r] = J[r, 0] * e0 + J[r, 1] * e1 + J[r, 2] * e2
-        total += w[r] * along[r] * along[r]
-    chi2 = 0.0
-    for r in range(3):
-        Wr[r] = 0.0
-        for c in range(3):
-            W[r, c] = (w[r] if r == c else 0.0) - w[r] * along[r] * along[c] * w[c] / total
-            Wr[r] += W[r, c] * residual[c]
-        chi2 += residual[r] * Wr[r]
-    return chi2
+    a0 = J[0, 0] * e0 + J[0, 2] * e2
+    a1 = J[1, 1] * e1 + J[1, 2] * e2
+    a2 = J[2, 2] * e2
+    share = 1.0 / (1.0 + iu * (a0 * a0 + a1 * a1) + id_ * a2 * a2)
+    W[0, 0] = iu - iu * a0 * a0 * iu * share
+    W[0, 1] = -iu * a0 * a1 * iu * share
+    W[0, 2] = -iu * a0 * a2 * id_ * share
+    W[1, 1] = iu - iu * a1 * a1 * iu * share
+    W[1, 2] = -iu * a1 * a2 * id_ * share
+    W[2, 2] = id_ - id_ * a2 * a2 * id_ * share
+    r0, r1, r2 = residual[0], residual[1], residual[2]
+    Wr[0] = W[0, 0] * r0 + W[0, 1] * r1 + W[0, 2] * r2
+    Wr[1] = W[0, 1] * r0 + W[1, 1] * r1 + W[1, 2] * r2
+    Wr[2] = W[0, 2] * r0 + W[1, 2] * r1 + W[2, 2] * r2
+    return r0 * Wr[0] + r1 * Wr[1] + r2 * Wr[2]
 
 
 @compiled
-def _optimize(R, t, position, depth_error, measured, information, weight, calibration):  # type: ignore[no-untyped-def]  # noqa: PLR0912
+def _optimize(R, t, position, depth_error, measured, information, weight, calibration, n_rounds):  # type: ignore[no-untyped-def]  # noqa: PLR0912
     n = position.shape[0]
     inlier = np.ones(n, np.bool_)
     chi2 = np.zeros(n)
     H, g = np.zeros((6, 6)), np.zeros(6)
     residual, point_cam, J, Jp = np.zeros(3), np.zeros(3), np.zeros((3, 3)), np.zeros((3, 6))
     W, Wr = np.zeros((3, 3)), np.zeros(3)
-    for rounds in range(_ROUNDS):
+    for rounds in range(n_rounds):
         for _ in range(_ITERATIONS):
             H[:] = 0.0
             g[:] = 0.0

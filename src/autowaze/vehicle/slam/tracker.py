@@ -18,6 +18,7 @@ from autowaze.world.camera import StereoCamera
 from autowaze.world.labels import is_movable
 from autowaze.world.pose import Pose, inverse
 
+_MOTION_ROUNDS = 2  # this pose only says where to look in the map
 _MOTION_RADII_PX = (20.0, 60.0)  # around the predicted pixel at level 0; the wide one when the narrow one fails
 _MAP_RADIUS_PX, _MAP_RADIUS_OBLIQUE_PX = 4.0, 6.0
 _MIN_MOTION_INLIERS = 20
@@ -76,7 +77,13 @@ class Tracker:
             label = last.frame.features.label[source]
             weight = self._weights(frame, feature, label, np.zeros(len(feature), np.bool_))
             estimate = optimize_pose(
-                T, position[source], frame.measured[feature], frame.information[feature], weight, self.camera
+                T,
+                position[source],
+                frame.measured[feature],
+                frame.information[feature],
+                weight,
+                self.camera,
+                rounds=_MOTION_ROUNDS,
             )
             if np.count_nonzero(estimate.inlier & (weight > 0)) >= _MIN_MOTION_INLIERS:
                 return estimate.T_map_cam

@@ -11,6 +11,7 @@ from autowaze.cloud.api import create_app
 from autowaze.cloud.api.guard import Guard
 from autowaze.cloud.api.server import WebServer, listening_socket
 from autowaze.cloud.durable import DurableService
+from autowaze.cloud.passes import PassJournal
 from autowaze.cloud.service import CloudService
 from autowaze.cloud.store import SqliteStore
 
@@ -45,10 +46,11 @@ class Site:
 def running(path, tokens=None, limit=None, street=STREET, admit=None):
     """A service in a thread of this process."""
     store = SqliteStore(path)
-    durable = DurableService(lambda: CloudService(street.parking_map), store, clock=lambda: NOW, admit=admit)
+    journal = PassJournal()
+    durable = DurableService(lambda: CloudService(street.parking_map), store, lambda: NOW, admit, journal.note)
     listening = listening_socket("127.0.0.1", 0)
     site = Site(f"http://127.0.0.1:{listening.getsockname()[1]}", durable, street)
-    app = create_app(durable, street.parking_map, Guard(tokens, limit), lambda: site.now)
+    app = create_app(durable, street.parking_map, Guard(tokens, limit), lambda: site.now, journal, surveyed_at=500.0)
     server = WebServer(app)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
     thread.start()

@@ -14,6 +14,7 @@ from rich.table import Table
 from autowaze.cli.options import console
 from autowaze.cloud.admission import TimelyAdmission
 from autowaze.cloud.durable import DurableService
+from autowaze.cloud.passes import PassJournal
 from autowaze.cloud.service import CloudService
 from autowaze.cloud.store import SqliteStore
 from autowaze.cloud.store.tokens import Scope, TokenRegister
@@ -71,9 +72,20 @@ def cloud(
     admit = None if replay else TimelyAdmission(time.time)
     listening = listening_socket(host, port)
     kept = SqliteStore(store)
-    durable = DurableService(lambda: CloudService(parking_map, method, base_map), kept, admit=admit)
+    journal = PassJournal()
+    durable = DurableService(
+        lambda: CloudService(parking_map, method, base_map), kept, admit=admit, observe=journal.note
+    )
     tokens = None if open_to_all else TokenRegister(store)
-    site = create_app(durable, parking_map, Guard(tokens), None if replay else time.time, cors or ["*"])
+    site = create_app(
+        durable,
+        parking_map,
+        Guard(tokens),
+        None if replay else time.time,
+        journal,
+        surveyed_at=spots.stat().st_mtime,
+        origins=cors or ["*"],
+    )
     server = WebServer(site, certificate, key)
     address = f"{'https' if certificate else 'http'}://{host}:{listening.getsockname()[1]}"
     console.print(f"{address}  {len(parking_map)} spots, {kept.position} diffs in {store}, method {method}")

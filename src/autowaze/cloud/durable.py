@@ -25,6 +25,7 @@ class DurableService:
         store: the log and the spots.
         clock: seconds since the epoch, for the time of receipt.
         admit: refuses diffs, with `RefusedDiffError`, for what does not follow from the log, such as the time of day.
+        observe: is shown every update with the time of receipt, once it is durable, and again when the log is replayed.
     """
 
     def __init__(
@@ -33,11 +34,13 @@ class DurableService:
         store: Store,
         clock: Callable[[], float] = time.time,
         admit: Callable[[SemanticMapDiff], None] | None = None,
+        observe: Callable[[Update, float], None] | None = None,
     ) -> None:
         self._open_service = open_service
         self.store = store
         self._clock = clock
         self._admit = admit
+        self._observe = observe
         self._lock = threading.Lock()
         self.service = self._recovered()
 
@@ -68,7 +71,7 @@ class DurableService:
 
     def _take_in(self, payloads: Sequence[bytes]) -> list[Update | WireError]:
         results: list[Update | WireError] = []
-        accepted, changed = [], {}
+        accepted, updates, changed = [], [], {}
         for payload in payloads:
             try:
                 with self.service.times.stage("decode"):
@@ -82,9 +85,13 @@ class DurableService:
             results.append(update)
             if update.accepted:
                 accepted.append(Accepted(diff.session, diff.sequence, self._clock(), bytes(payload)))
+                updates.append(update)
                 changed.update({state.spot_id: state for state in update.spots})
         if accepted:
             self.store.commit(accepted, changed.values())
+        if self._observe is not None:
+            for kept, update in zip(accepted, updates, strict=True):
+                self._observe(update, kept.received_at)
         return results
 
     def _recovered(self) -> CloudService:
@@ -92,12 +99,14 @@ class DurableService:
         service = self._open_service()
         for position, accepted in enumerate(self.store.log(), start=1):
             try:
-                service.receive(accepted.payload)
+                update = service.receive(accepted.payload)
             except WireError as error:
                 raise StoreError(
                     f"diff {position} of the store cannot be taken in again: {error}; start the service with the "
                     "parking map and base map that the store was made with"
                 ) from error
+            if self._observe is not None:
+                self._observe(update, accepted.received_at)
         known = {state.spot_id: state for state in service.states if state.observed_at is not None}
         if known != {state.spot_id: state for state in self.store.spots()}:
             self.store.replace_spots(known.values())

@@ -9,6 +9,8 @@ from fastapi import Depends, FastAPI
 from starlette.middleware.cors import CORSMiddleware
 
 from autowaze import __version__
+from autowaze.cloud.api.cds import cds_routes
+from autowaze.cloud.api.cds_events import Events
 from autowaze.cloud.api.changes import ChangeFeed, change_routes
 from autowaze.cloud.api.feature_map import map_routes
 from autowaze.cloud.api.features import feature_routes
@@ -21,7 +23,9 @@ from autowaze.cloud.api.problems import answer_with_problems
 from autowaze.cloud.api.security import SecurityHeaders
 from autowaze.cloud.api.spot_book import SpotBook
 from autowaze.cloud.api.spots import spot_routes
+from autowaze.cloud.api.zones import Kerb
 from autowaze.cloud.durable import DurableService
+from autowaze.cloud.passes import PassJournal
 from autowaze.cloud.store.tokens import Scope
 from autowaze.world.parking import ParkingMap
 
@@ -33,6 +37,8 @@ def create_app(
     parking_map: ParkingMap,
     guard: Guard,
     clock: Callable[[], float] | None,
+    journal: PassJournal,
+    surveyed_at: float = 0.0,
     origins: Sequence[str] = ("*",),
 ) -> FastAPI:
     """The service as an ASGI application.
@@ -42,11 +48,14 @@ def create_app(
         parking_map: the spots of the service.
         guard: who may hand in diffs and fetch the map; spots are everyone's.
         clock: seconds since the epoch (UTC); None shows the spots as of the newest observation.
+        journal: what `durable` shows its updates to.
+        surveyed_at: when the spots were drawn, seconds since the epoch (UTC).
         origins: web pages of these origins may read.
     """
     feed, meters = ChangeFeed(durable.service.map.version), Meters()
     intake = Intake(durable, feed.publish)
-    book = SpotBook(parking_map, intake, clock)
+    book, kerb = SpotBook(parking_map, intake, clock), Kerb(parking_map)
+    events = Events(journal, intake, kerb, book.row_of)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
@@ -61,6 +70,7 @@ def create_app(
     app.include_router(map_routes(intake), dependencies=[Depends(guard.admits(Scope.MAP))])
     app.include_router(spot_routes(book))
     app.include_router(feature_routes(book))
+    app.include_router(cds_routes(book, kerb, events, surveyed_at))
     app.include_router(change_routes(feed))
     app.include_router(operation_routes(intake, feed, meters))
     answer_with_problems(app)

@@ -1,0 +1,55 @@
+"""What part of the city a CDS client asks for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import Any
+
+import shapely
+
+from autowaze.cloud.api.problems import ProblemError
+from autowaze.cloud.api.zones import Kerb
+
+
+@dataclass(frozen=True)
+class Area:
+    """What part of the city is asked for: a box in degrees, or a radius around a point; nothing for all of it."""
+
+    kerb: Kerb
+    box: shapely.Polygon | None = None
+    point: shapely.Point | None = None
+    radius_m: float = 0.0
+
+    def chosen(self, shapes: list[tuple[Any, shapely.Geometry]]) -> list[Any]:
+        """The items whose shape, in map metres, lies in the area; nearest first around a point."""
+        if self.box is not None:
+            return [item for item, shape in shapes if shapely.intersects(shape, self.box)]
+        if self.point is not None:
+            near = [(shapely.distance(shape, self.point), n, item) for n, (item, shape) in enumerate(shapes)]
+            return [item for distance, _, item in sorted(near, key=lambda t: t[:2]) if distance <= self.radius_m]
+        return [item for item, _ in shapes]
+
+
+def area_asked_for(
+    kerb: Kerb, box: tuple[float | None, ...], point: tuple[float | None, float | None], radius_cm: int | None
+) -> Area:
+    """The area that parameters name; raises `ProblemError` 400 where they name none, or two."""
+    given = [*box, *point]
+    if any(value is not None and not abs(value) <= 180.0 for value in given):
+        raise ProblemError(HTTPStatus.BAD_REQUEST, "bad_parameter", "degrees out of range")
+    around = [*point, radius_cm]
+    if not any(value is not None for value in [*box, *around]):
+        return Area(kerb)
+    reference = kerb.georeference
+    if all(value is not None for value in box) and not any(value is not None for value in around):
+        west, south, east, north = (float(value or 0.0) for value in box)
+        corners = shapely.get_coordinates(shapely.box(west, south, east, north))
+        return Area(kerb, box=shapely.Polygon(reference.to_map(corners)[:, :2]))
+    if all(value is not None for value in around) and not any(value is not None for value in box):
+        lng, lat = (float(value or 0.0) for value in point)
+        x, y = reference.to_map(shapely.get_coordinates(shapely.Point(lng, lat)))[0, :2]
+        return Area(kerb, point=shapely.Point(x, y), radius_m=(radius_cm or 0) / 100.0)
+    raise ProblemError(
+        HTTPStatus.BAD_REQUEST, "bad_parameter", "give min_lat, min_lng, max_lat, max_lng, or lat, lng, radius"
+    )

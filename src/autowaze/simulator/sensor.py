@@ -12,7 +12,7 @@ from autowaze.world.pose import so3_exp
 
 _READ_NOISE, _SHOT_NOISE = 0.9, 0.13
 """Standard deviations in grey levels: of the dark image, and per square root of a level."""
-_BANK = 1024
+_BANK_MARGIN = (384, 1536)
 
 
 class Sensor:
@@ -21,7 +21,7 @@ class Sensor:
     def __init__(self, effects: Effects, seed: int) -> None:
         self._effects, self._seed = effects, seed
         rng = np.random.default_rng([seed, 6])
-        self._bank = np.clip(rng.standard_normal((_BANK, 3 * _BANK)), -3.9, 3.9).astype(np.float32)
+        self._bank = np.zeros((0, 0), np.float32)
         levels = np.arange(256)
         sigma = effects.noise * np.hypot(_READ_NOISE, _SHOT_NOISE * np.sqrt(levels))
         self._sigma = sigma.astype(np.float32)
@@ -35,17 +35,19 @@ class Sensor:
             return image
         flat = image.reshape(image.shape[0], -1)
         rng = np.random.default_rng([self._seed, 7, frame, camera])
-        noise = self._tiled(flat.shape, rng)
+        noise = self._piece(flat.shape, rng)
         sigma = cv2.LUT(flat, self._sigma)
         noisy = cv2.add(flat, cv2.multiply(noise, sigma), dtype=cv2.CV_8U)
         return np.asarray(noisy, np.uint8).reshape(image.shape)
 
-    def _tiled(self, shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float32]:
-        """A piece of the noise bank, taken anew for every picture."""
-        row, column = int(rng.integers(0, _BANK)), int(rng.integers(0, 3 * _BANK))
-        rows = (row + np.arange(shape[0])) % _BANK
-        columns = (column + np.arange(shape[1])) % (3 * _BANK)
-        return np.ascontiguousarray(self._bank[rows][:, columns])
+    def _piece(self, shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float32]:
+        """A piece of the noise bank, which is larger than a picture, taken anew for every picture."""
+        size = (shape[0] + _BANK_MARGIN[0], shape[1] + _BANK_MARGIN[1])
+        if self._bank.shape != size:
+            bank = np.random.default_rng([self._seed, 9]).standard_normal(size, np.float32)
+            self._bank = np.clip(bank, -3.9, 3.9, out=bank)
+        row, column = (int(rng.integers(0, margin)) for margin in _BANK_MARGIN)
+        return self._bank[row : row + shape[0], column : column + shape[1]]
 
     def wobble(self, frame: int, fx: float) -> NDArray[np.float64]:
         """Rotation (3, 3) that rectification left between the cameras in a frame: a fixed part and a slow drift."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,17 @@ class Draw:
     id: int = 0
     from_m: float = 0.0
     to_m: float = np.inf
+
+    @cached_property
+    def matrix_bytes(self) -> bytes:
+        """`thing_to_map` as OpenGL wants it."""
+        return column_major(self.thing_to_map)
+
+    @cached_property
+    def tint_share(self) -> tuple[float, float, float]:
+        """The tint from 0 to 1."""
+        r, g, b = self.tint
+        return r / 255, g / 255, b / 255
 
 
 class GpuScene:
@@ -136,6 +148,11 @@ class DrawList:
     def casters(self) -> list[Draw]:
         """Draws that throw shadows: the near version of everything that is no decal."""
         return [d for d in self.draws if d.from_m == 0.0]
+
+
+def column_major(matrix: NDArray[np.floating]) -> bytes:
+    """Bytes of a matrix as OpenGL wants them."""
+    return np.ascontiguousarray(matrix.T, np.float32).tobytes()
 
 
 def program_kind(surface: Surface) -> str:

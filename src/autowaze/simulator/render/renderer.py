@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.simulator.description import Effects
 from autowaze.simulator.light import Illumination
 from autowaze.simulator.render.gl import build_program, open_context
-from autowaze.simulator.render.gpu_scene import Draw, DrawList, GpuScene, program_kind
-from autowaze.simulator.render.shadow_map import ShadowMap, column_major, sun_projection
+from autowaze.simulator.render.gpu_scene import Draw, DrawList, GpuScene, column_major, program_kind
+from autowaze.simulator.render.shadow_map import ShadowMap, sun_projection
 from autowaze.simulator.scene import Scene, Thing
 from autowaze.world.camera import StereoCamera
 from autowaze.world.frame import Image
@@ -98,7 +99,7 @@ class Renderer:
         self._depth.compare_func = ""
         self._depth.filter = (self._gl.NEAREST, self._gl.NEAREST)
         self._target = self.context.framebuffer([self._colour, self._ids], self._depth)
-        self._screen = self.context.simple_framebuffer(size, 3)
+        self._screen = self.context.simple_framebuffer(size, 4)
 
     def _set_constants(self) -> None:
         light = self._light
@@ -110,7 +111,6 @@ class Renderer:
             _set(program, "to_sun", tuple(float(v) for v in light.to_sun))
             for name in ("sun", "sky", "ground", "haze", "haze_per_m", "exposure"):
                 _set(program, name, getattr(light, name))
-            _set(program, "shadow_texel", 1.0 / self._shadow.size)
             _set(program, "sun_on", float(max(light.sun) > 0))
             if "map_to_sun" in program:
                 program["map_to_sun"].write(column_major(self._shadow.map_to_sun))
@@ -176,9 +176,10 @@ class Renderer:
 
     def _draw(self, kind: str, draws: list[Draw]) -> None:
         program = self._programs[kind]
+        to_map, tint, instance = (program.get(n, None) for n in ("thing_to_map", "thing_tint", "instance_id"))
         if kind == "CUTOUT":
             self.context.disable(self._gl.CULL_FACE)
-        last = ""
+        last, matrix, colour, id = "", b"", (-1.0, -1.0, -1.0), -1
         for draw in draws:
             name = draw.batch.surface
             surface = self.scene.surfaces[name]
@@ -190,9 +191,15 @@ class Renderer:
                 _set(program, "glow", surface.glow)
                 _set(program, "wetness", float(self._wet and surface.wettable))
                 last = name
-            program["thing_to_map"].write(column_major(draw.thing_to_map))
-            _set(program, "thing_tint", tuple(c / 255 for c in draw.tint))
-            program["instance_id"].value = draw.id
+            if draw.matrix_bytes != matrix:
+                matrix = draw.matrix_bytes
+                to_map.write(matrix)
+            if draw.tint_share != colour:
+                colour = draw.tint_share
+                tint.value = colour
+            if draw.id != id:
+                id = draw.id
+                instance.value = id
             draw.batch.shaded.render()
         self.context.enable(self._gl.CULL_FACE)
 
@@ -226,8 +233,9 @@ class Renderer:
         self._pictures["dirt"].use(2)
         self._lens_quad.render(vertices=3)
         self.context.enable(self._gl.DEPTH_TEST | self._gl.CULL_FACE)
-        shape = (self._camera.height, self._camera.width, 3)
-        return np.frombuffer(self._screen.read(components=3), np.uint8).reshape(shape).copy()
+        shape = (self._camera.height, self._camera.width, 4)
+        read = np.frombuffer(self._screen.read(components=4), np.uint8).reshape(shape)
+        return np.asarray(cv2.cvtColor(read, cv2.COLOR_BGRA2BGR), np.uint8)
 
     def close(self) -> None:
         """Give the GPU memory back."""
@@ -266,5 +274,6 @@ def right_camera(T_map_left: Pose, baseline_m: float, wobble: NDArray[np.float64
 
 def _set(program: Any, name: str, value: Any) -> None:
     """Set a uniform that the compiler may have found unused."""
-    if name in program:
-        program[name].value = value
+    uniform = program.get(name, None)
+    if uniform is not None:
+        uniform.value = value

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from autowaze.simulator.render.gpu_scene import Draw, GpuScene
+from autowaze.simulator.render.gpu_scene import Draw, GpuScene, column_major
 
 
 class ShadowMap:
@@ -41,7 +41,7 @@ class ShadowMap:
             self._program["cutout"].value = float(surface.cutout)
             if surface.cutout:
                 scene.textures[draw.batch.surface].use(0)
-            self._program["thing_to_map"].write(column_major(draw.thing_to_map))
+            self._program["thing_to_map"].write(draw.matrix_bytes)
             draw.batch.shadow.render()
         self._context.enable(moderngl.CULL_FACE)
 
@@ -73,8 +73,3 @@ def sun_projection(
     depth = 2.0 / (near - far)
     T[2, :3], T[2, 3] = -depth * R[2], depth * (near + far) / 2
     return T
-
-
-def column_major(matrix: NDArray[np.floating]) -> bytes:
-    """Bytes of a matrix as OpenGL wants them."""
-    return np.ascontiguousarray(matrix.T, np.float32).tobytes()

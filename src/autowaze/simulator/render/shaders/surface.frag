@@ -22,7 +22,6 @@ uniform float exposure;
 uniform float gloss;
 uniform float glow;
 uniform float wetness;
-uniform float shadow_texel;
 uniform float sun_on;
 uniform float moving_shadow_on;
 
@@ -30,10 +29,11 @@ layout(location = 0) out vec4 out_colour;
 layout(location = 1) out uint out_id;
 
 const float PARABOLOID_REACH = 1.25;
+const float MIRROR_LOD = 1.0;
 
 vec3 mirrored(vec3 direction, float blur) {
     vec2 at = direction.xy / (1.0 + max(direction.z, -0.15)) / (2.0 * PARABOLOID_REACH) + 0.5;
-    vec3 encoded = texture(surroundings, at, blur).rgb;
+    vec3 encoded = textureLod(surroundings, at, MIRROR_LOD + blur).rgb;
     return encoded * encoded * 2.0;
 }
 
@@ -41,13 +41,12 @@ float sunlit(float facing) {
     // a slope hides more of a texel's depth: lift the sample along it
     vec3 p = (map_to_sun * vec4(position, 1.0)).xyz * 0.5 + 0.5;
     p.z -= 0.0006 + 0.0012 * (1.0 - facing);
-    float d = 0.6 * shadow_texel;
-    // two taps, each of them a filtered two by two
-    float lit = 0.5 * (texture(static_shadow, p + vec3(d, 0.5 * d, 0.0)) + texture(static_shadow, p - vec3(d, 0.5 * d, 0.0)));
+    // one tap, which filters two by two
+    float lit = textureLod(static_shadow, p, 0.0);
     if (moving_shadow_on > 0.5) {
         vec3 q = (map_to_moving_sun * vec4(position, 1.0)).xyz * 0.5 + 0.5;
         if (all(greaterThan(q.xy, vec2(0.0))) && all(lessThan(q.xy, vec2(1.0))))
-            lit *= texture(moving_shadow, q - vec3(0.0, 0.0, 0.0025));
+            lit *= textureLod(moving_shadow, q - vec3(0.0, 0.0, 0.0025), 0.0);
     }
     return lit;
 }

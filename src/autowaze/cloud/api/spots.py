@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from typing import Any, Literal
 
 from fastapi import APIRouter, Response
 from pydantic import BaseModel, Field
 
-from autowaze.cloud.api.spot_book import SpotBook
+from autowaze.cloud.api.spot_book import BelievedSpots, SpotBook
 
 GEOJSON = "application/geo+json"
 
@@ -63,12 +64,16 @@ def spot_routes(book: SpotBook) -> APIRouter:
     @router.get("/spots.geojson", responses={200: {"model": SpotCollection, "content": {GEOJSON: {}}}})
     async def spots() -> Response:
         """Every spot with state, probability, age."""
-        believed = await book.believed()
-        features = [book.feature(row, believed) for row in range(len(book))]
-        document = {"type": "FeatureCollection", "map_version": believed.version, "features": features}
-        return json_response(document, GEOJSON)
+        # In a thread: a city's spots take a second, and cars shall not wait for it.
+        return await asyncio.to_thread(_collection, book, await book.believed())
 
     return router
+
+
+def _collection(book: SpotBook, believed: BelievedSpots) -> Response:
+    features = [book.feature(row, believed) for row in range(len(book))]
+    document = {"type": "FeatureCollection", "map_version": believed.version, "features": features}
+    return json_response(document, GEOJSON)
 
 
 def json_response(document: object, media_type: str = "application/json") -> Response:

@@ -199,6 +199,8 @@ def test_curbs_are_chosen_by_place(seen):
     box = {"min_lng": west, "min_lat": south, "max_lng": east, "max_lat": north}
     assert "S4" in [space["custom_attributes"]["spot_id"] for space in asked(seen, "curbs/spaces", **box)]
     assert asked(seen, "curbs/zones", min_lng=1, min_lat=1, max_lng=2, max_lat=2) == []
+    assert len(asked(seen, "curbs/spaces", min_lng=-180, min_lat=-90, max_lng=180, max_lat=90)) == 12
+    assert asked(seen, "events/events", min_lng=1, min_lat=1, max_lng=2, max_lat=2) == []
     assert asked(seen, "curbs/zones", time=400_000) == []
     assert len(asked(seen, "curbs/zones", time=600_000)) == 1
 
@@ -225,7 +227,9 @@ def test_what_is_not_offered_says_so(seen, path):
     assert_problem(seen.client.get(f"/cds/{path}"), 501, "not_implemented")
 
 
-@pytest.mark.parametrize("query", ["min_lat=1", "lat=1&lng=1", "lat=nan&lng=1&radius=5", "lat=1&lng=1&radius=-1"])
+@pytest.mark.parametrize(
+    "query", ["min_lat=1", "lat=1&lng=1", "lat=nan&lng=1&radius=5", "lat=91&lng=1&radius=5", "lat=1&lng=1&radius=-1"]
+)
 def test_half_a_place_is_refused(seen, query):
     assert_problem(seen.client.get(f"/cds/curbs/spaces?{query}"), 400, "bad_parameter")
     assert_problem(seen.client.get("/cds/events/events?event_time=today"), 400, "bad_parameter")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any
 
+import numpy as np
 import shapely
 
 from autowaze.cloud.api.problems import ProblemError
@@ -14,7 +15,12 @@ from autowaze.cloud.api.zones import Kerb
 
 @dataclass(frozen=True)
 class Area:
-    """What part of the city is asked for: a box in degrees, or a radius around a point; nothing for all of it."""
+    """What part of the city is asked for: a box, or a radius around a point; nothing for all of it.
+
+    Attributes:
+        box: in lon/lat degrees, for a large one is no polygon on the map's plane.
+        point: in map metres.
+    """
 
     kerb: Kerb
     box: shapely.Polygon | None = None
@@ -24,7 +30,9 @@ class Area:
     def chosen(self, shapes: list[tuple[Any, shapely.Geometry]]) -> list[Any]:
         """The items whose shape, in map metres, lies in the area; nearest first around a point."""
         if self.box is not None:
-            return [item for item, shape in shapes if shapely.intersects(shape, self.box)]
+            outlines = np.array([shape for _, shape in shapes], dtype=np.object_)
+            inside = shapely.intersects(shapely.transform(outlines, self.kerb.georeference.to_lon_lat), self.box)
+            return [item for (item, _), chosen in zip(shapes, inside, strict=True) if chosen]
         if self.point is not None:
             near = [(shapely.distance(shape, self.point), n, item) for n, (item, shape) in enumerate(shapes)]
             return [item for distance, _, item in sorted(near, key=lambda t: t[:2]) if distance <= self.radius_m]
@@ -35,20 +43,19 @@ def area_asked_for(
     kerb: Kerb, box: tuple[float | None, ...], point: tuple[float | None, float | None], radius_cm: int | None
 ) -> Area:
     """The area that parameters name; raises `ProblemError` 400 where they name none, or two."""
-    given = [*box, *point]
-    if any(value is not None and not abs(value) <= 180.0 for value in given):
+    longitudes, latitudes = (box[0], box[2], point[0]), (box[1], box[3], point[1])
+    limits = [(value, 180.0) for value in longitudes] + [(value, 90.0) for value in latitudes]
+    if any(value is not None and not abs(value) <= most for value, most in limits):
         raise ProblemError(HTTPStatus.BAD_REQUEST, "bad_parameter", "degrees out of range")
     around = [*point, radius_cm]
     if not any(value is not None for value in [*box, *around]):
         return Area(kerb)
-    reference = kerb.georeference
     if all(value is not None for value in box) and not any(value is not None for value in around):
         west, south, east, north = (float(value or 0.0) for value in box)
-        corners = shapely.get_coordinates(shapely.box(west, south, east, north))
-        return Area(kerb, box=shapely.Polygon(reference.to_map(corners)[:, :2]))
+        return Area(kerb, box=shapely.box(west, south, east, north))
     if all(value is not None for value in around) and not any(value is not None for value in box):
         lng, lat = (float(value or 0.0) for value in point)
-        x, y = reference.to_map(shapely.get_coordinates(shapely.Point(lng, lat)))[0, :2]
+        x, y = kerb.georeference.to_map(shapely.get_coordinates(shapely.Point(lng, lat)))[0, :2]
         return Area(kerb, point=shapely.Point(x, y), radius_m=(radius_cm or 0) / 100.0)
     raise ProblemError(
         HTTPStatus.BAD_REQUEST, "bad_parameter", "give min_lat, min_lng, max_lat, max_lng, or lat, lng, radius"

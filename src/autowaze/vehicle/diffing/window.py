@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.vehicle.diffing.found import FoundLandmarks
 from autowaze.vehicle.diffing.instances import InstanceRecord
-from autowaze.vehicle.diffing.novelty import Candidates, any_within, new_features
+from autowaze.vehicle.diffing.novelty import new_features
 from autowaze.vehicle.diffing.removal import LookedFor, removed_features
 from autowaze.vehicle.diffing.settings import DiffSettings
-from autowaze.vehicle.diffing.tally import Tally
-from autowaze.vehicle.diffing.visibility import Sight, sight_of
+from autowaze.vehicle.diffing.stored_watch import StoredFeatureWatch
 from autowaze.vehicle.ground import GroundGrid, GroundObservation
 from autowaze.vehicle.semantics.motion import Motions
 from autowaze.vehicle.slam.landmarks import Landmarks
@@ -25,13 +25,8 @@ from autowaze.world.identity import MAX_FEATURES_PER_DIFF, feature_ids, instance
 from autowaze.world.instances import Tracks
 from autowaze.world.labels import is_vehicle
 from autowaze.world.map_diff import SemanticMapDiff, Trajectory
-from autowaze.world.pose import heading_of, transform
+from autowaze.world.pose import heading_of
 
-_STEREO_SIGMA_PX = 0.3  # of sub-pixel sparse stereo
-_MATCHED = len(Sight)
-_NO_DEPTH_M = 1e3
-_LABEL_BITS = 4
-_SUPPORT_RANGE_M = 25.0
 _NEAR_PATH_M = 60.0
 _BYTES_PER_CELL, _BYTES_OF_THE_REST = 1, 1500  # on the wire: ground, instances, traffic, path
 
@@ -93,12 +88,14 @@ class DiffWindow:
         if not tracked.is_trustworthy:
             return
         self._note_path(tracked)
-        self._note_found(tracked, observation.features)
+        self._found.add(tracked, observation.features)
         self._instances.add(observation.tracks, observation.motions, tracked.T_map_cam)
         if observation.ground is not None:
             self._ground.add(observation.ground)
         if self._can_judge(tracked):
-            self._note_stored(observation, landmarks)
+            self._localized += 1
+            if observation.ground is not None:  # without dense depth nobody knows what is hidden
+                self._stored_watch.add(tracked, observation.features, observation.ground, landmarks)
 
     def close(self, landmarks: Landmarks) -> SemanticMapDiff:
         """The window's diff; the next window opens."""
@@ -132,11 +129,9 @@ class DiffWindow:
         self._times: list[float] = []
         self._sigmas: list[float] = []
         self._path: list[tuple[float, NDArray[np.float64], float]] = []
-        self._found = Tally()
-        self._depths: list[NDArray[np.float64]] = []
-        self._places: list[NDArray[np.float64]] = []
-        self._looked_for = Tally()
-        self._looked_for_plain = Tally()
+        self._localized = 0
+        self._found = FoundLandmarks(self.camera)
+        self._stored_watch = StoredFeatureWatch(self._stored.features, self.settings.known_radius_m)
         self._ground = GroundGrid()
         self._instances = InstanceRecord(self.session)
 
@@ -151,14 +146,6 @@ class DiffWindow:
         times, positions, headings = zip(*self._path, strict=True)
         return Trajectory(np.array(times), np.array(positions), np.array(headings, dtype=np.float32))
 
-    def _note_found(self, tracked: TrackedFrame, features: CameraFeatures) -> None:
-        """Landmarks that the frame matched, with the label, instance and place that their features have."""
-        hit = tracked.landmark_id >= 0
-        label_and_instance = (features.instance_id[hit].astype(np.int64) << _LABEL_BITS) | features.label[hit]
-        self._found.add(tracked.landmark_id[hit], label_and_instance)
-        self._depths.append(np.nan_to_num(features.depth[hit].astype(np.float64), nan=_NO_DEPTH_M))
-        self._places.append(transform(tracked.T_map_cam, features.position_cam[hit]))
-
     def _can_judge(self, tracked: TrackedFrame) -> bool:
         return (
             len(self._stored) > 0
@@ -166,76 +153,16 @@ class DiffWindow:
             and _position_sigma(tracked) <= self.settings.max_position_sigma_m
         )
 
-    def _note_stored(self, observation: FrameObservation, landmarks: Landmarks) -> None:
-        """What the frame says about the stored features that it should have seen."""
-        tracked, ground = observation.tracked, observation.ground
-        if ground is None:
-            return  # without dense depth nobody knows what is hidden
-        matched = tracked.landmark_id[tracked.landmark_id >= 0]
-        self._looked_for.add(matched, _MATCHED)
-        missed = np.setdiff1d(tracked.visible_id, matched)
-        rows = landmarks.rows(missed)
-        rows = rows[rows >= 0]
-        rows = rows[landmarks.map_id[rows] != 0]
-        sight = sight_of(landmarks.position[rows], tracked.T_map_cam, ground.depth, ground.camera)
-        self._looked_for.add(landmarks.id[rows], sight)
-        self._note_undescribed(observation, ground)
-
-    def _note_undescribed(self, observation: FrameObservation, ground: GroundObservation) -> None:
-        """The same for stored features without descriptor, by what features lie where they should."""
-        tracked, stored = observation.tracked, self._stored.features
-        offset = stored.position - tracked.T_map_cam[:3, 3]
-        near = np.flatnonzero(~stored.described & (np.einsum("ij,ij->i", offset, offset) < _SUPPORT_RANGE_M**2))
-        if not len(near):
-            return
-        sight = sight_of(stored.position[near], tracked.T_map_cam, ground.depth, ground.camera)
-        near, sight = near[sight != Sight.HIDDEN], sight[sight != Sight.HIDDEN]
-        features = observation.features[observation.features.has_depth]
-        seen = transform(tracked.T_map_cam, features.position_cam)
-        # A vehicle that segmentation overlooks still stands there, but the ground under one that left is near, too.
-        on_vehicle, places, radius = is_vehicle(features.label), stored.position[near], self.settings.known_radius_m
-        supported = any_within(seen[on_vehicle], places, radius) | any_within(seen[~on_vehicle], places, radius / 2)
-        self._looked_for_plain.add(near, np.where(supported, _MATCHED, sight))
-
-    def _looked_for_rows(self, landmarks: Landmarks) -> LookedFor:
-        """What the window says of every stored feature that it looked for."""
-        described = self._looked_for_described(landmarks)
-        row, table = self._looked_for_plain.table(_MATCHED + 1)
-        plain = self._stored.features[row]
-        return LookedFor(
-            np.concatenate([described.map_id, plain.id]),
-            np.concatenate([described.position, plain.position]),
-            np.concatenate([described.instance_key, plain.instance_key]),
-            np.concatenate([described.matched, table[:, _MATCHED]]),
-            np.concatenate([described.sights, table[:, :_MATCHED]]),
-        )
-
-    def _looked_for_described(self, landmarks: Landmarks) -> LookedFor:
-        ids, table = self._looked_for.table(_MATCHED + 1)
-        rows = landmarks.rows(ids)
-        keep = rows >= 0
-        keep[keep] = landmarks.map_id[rows[keep]] != 0
-        rows, table = rows[keep], table[keep]
-        map_id = landmarks.map_id[rows]
-        at = np.searchsorted(self._stored.features.id, map_id)
-        return LookedFor(
-            map_id,
-            landmarks.position[rows],
-            self._stored.features.instance_key[at],
-            table[:, _MATCHED],
-            table[:, :_MATCHED],
-        )
-
     def _removed_ids(self, landmarks: Landmarks) -> NDArray[np.uint64]:
-        seen = self.looked_for = self._looked_for_rows(landmarks)
-        if len(self._sigmas) < self.settings.min_localized_fraction * len(self._times):
+        seen = self.looked_for = self._stored_watch.looked_for(landmarks)
+        if self._localized < self.settings.min_localized_fraction * len(self._times):
             return np.zeros(0, np.uint64)
         removed = seen.map_id[removed_features(seen, self.settings)]
         return np.setdiff1d(removed, self._removed)
 
     def _new_features(self, landmarks: Landmarks) -> tuple[MapFeatures, NDArray[np.int64]]:
         """New features in wire order, and the landmarks that they are."""
-        candidates = self._candidates(landmarks)
+        candidates = self._found.candidates(landmarks, self._sent)
         stored = self._stored.features[self._near_path(self._stored.features)]
         stored = stored[~np.isin(stored.id, self._removed)]
         vehicle = is_vehicle(stored.label)
@@ -272,38 +199,6 @@ class DiffWindow:
         path = np.array([position[:2] for _, position, _ in self._path])
         low, high = path.min(axis=0) - _NEAR_PATH_M, path.max(axis=0) + _NEAR_PATH_M
         return np.asarray(((features.position[:, :2] > low) & (features.position[:, :2] < high)).all(axis=1))
-
-    def _candidates(self, landmarks: Landmarks) -> Candidates:
-        ids, found = self._found.counts()
-        depth, place = self._nearest_observations()
-        label_and_instance = self._found.majority()[1]
-        rows = landmarks.rows(ids)
-        keep = (rows >= 0) & ~np.isin(ids, self._sent)
-        keep[keep] = landmarks.map_id[rows[keep]] == 0
-        position, place, sigma = landmarks.position[rows[keep]], place[keep], self._depth_sigma(depth[keep])
-        return Candidates(
-            landmark_id=ids[keep],
-            position=position,
-            label=(label_and_instance[keep] & ((1 << _LABEL_BITS) - 1)).astype(np.uint8),
-            instance=label_and_instance[keep] >> _LABEL_BITS,
-            found=found[keep],
-            depth_sigma_m=sigma,
-            deviation_m=np.linalg.norm(position - place, axis=1),
-        )
-
-    def _depth_sigma(self, depth: NDArray[np.float64]) -> NDArray[np.float64]:
-        """One standard deviation (N,) of stereo depths (N,), metres."""
-        return np.asarray(depth**2 * _STEREO_SIGMA_PX / self.camera.bf)
-
-    def _nearest_observations(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Depth (N,) and place (N, 3) of each found landmark when it was nearest, sorted by landmark id."""
-        ids, _ = self._found.pairs()
-        if not len(ids):
-            return np.zeros(0), np.zeros((0, 3))
-        depth = np.concatenate(self._depths)
-        order = np.lexsort((depth, ids))
-        nearest = order[np.r_[True, np.diff(ids[order]) != 0]]
-        return depth[nearest], np.concatenate(self._places)[nearest]
 
 
 def _position_sigma(tracked: TrackedFrame) -> float:

@@ -1,0 +1,65 @@
+"""Which landmarks a window found, how often, as what, and from how near."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autowaze.vehicle.diffing.novelty import Candidates
+from autowaze.vehicle.diffing.tally import Tally
+from autowaze.vehicle.slam.landmarks import Landmarks
+from autowaze.vehicle.slam.tracked_frame import TrackedFrame
+from autowaze.world.camera import StereoCamera
+from autowaze.world.features import CameraFeatures
+from autowaze.world.pose import transform
+
+_STEREO_SIGMA_PX = 0.3  # of sub-pixel sparse stereo
+_NO_DEPTH_M = 1e3
+_LABEL_BITS = 4
+
+
+class FoundLandmarks:
+    """Rows of (frame, landmark) over a window."""
+
+    def __init__(self, camera: StereoCamera) -> None:
+        self.camera = camera
+        self._found = Tally()
+        self._depths: list[NDArray[np.float64]] = []
+        self._places: list[NDArray[np.float64]] = []
+
+    def add(self, tracked: TrackedFrame, features: CameraFeatures) -> None:
+        """Landmarks that the frame matched, with the label, instance and place that their features have."""
+        hit = tracked.landmark_id >= 0
+        label_and_instance = (features.instance_id[hit].astype(np.int64) << _LABEL_BITS) | features.label[hit]
+        self._found.add(tracked.landmark_id[hit], label_and_instance)
+        self._depths.append(np.nan_to_num(features.depth[hit].astype(np.float64), nan=_NO_DEPTH_M))
+        self._places.append(transform(tracked.T_map_cam, features.position_cam[hit]))
+
+    def candidates(self, landmarks: Landmarks, sent: NDArray[np.int64]) -> Candidates:
+        """Those that the stored map lacks and that were not sent before."""
+        ids, found = self._found.counts()
+        depth, place = self._nearest_observations()
+        label_and_instance = self._found.majority()[1]
+        rows = landmarks.rows(ids)
+        keep = (rows >= 0) & ~np.isin(ids, sent)
+        keep[keep] = landmarks.map_id[rows[keep]] == 0
+        position = landmarks.position[rows[keep]]
+        return Candidates(
+            landmark_id=ids[keep],
+            position=position,
+            label=(label_and_instance[keep] & ((1 << _LABEL_BITS) - 1)).astype(np.uint8),
+            instance=label_and_instance[keep] >> _LABEL_BITS,
+            found=found[keep],
+            depth_sigma_m=depth[keep] ** 2 * _STEREO_SIGMA_PX / self.camera.bf,
+            deviation_m=np.linalg.norm(position - place[keep], axis=1),
+        )
+
+    def _nearest_observations(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Depth (N,) and place (N, 3) of each found landmark when it was nearest, sorted by landmark id."""
+        ids, _ = self._found.pairs()
+        if not len(ids):
+            return np.zeros(0), np.zeros((0, 3))
+        depth = np.concatenate(self._depths)
+        order = np.lexsort((depth, ids))
+        nearest = order[np.r_[True, np.diff(ids[order]) != 0]]
+        return depth[nearest], np.concatenate(self._places)[nearest]

@@ -14,10 +14,11 @@ from pydantic import BaseModel, ConfigDict, Field
 from autowaze.vehicle.diffing import DiffSettings, DiffWindow, FrameObservation
 from autowaze.vehicle.ground import GroundObservation, GroundObserver
 from autowaze.vehicle.semantics.association import associate
-from autowaze.vehicle.semantics.motion import MotionClassifier
+from autowaze.vehicle.semantics.motion import MotionClassifier, Motions
 from autowaze.vehicle.semantics.perception import SemanticPerception
 from autowaze.vehicle.semantics.segmenter import Segmenter
 from autowaze.vehicle.slam.slam import StereoSlam
+from autowaze.vehicle.slam.tracked_frame import TrackedFrame
 from autowaze.vehicle.vision.extractor import FeatureExtractor
 from autowaze.world.camera import StereoCamera
 from autowaze.world.feature_map import FeatureMap
@@ -112,7 +113,7 @@ class VehicleNode:
                 features, frame.timestamp, frame.index, gnss_position=self._gnss_position(frame), moving=on_moving
             )
         with self.times.stage("motion"):
-            motions = self._motion.update(features, tracked.T_map_cam, frame.timestamp)
+            motions = self._moved(features, tracked, frame)
         with self.times.stage("ground"):
             ground = self._look_at_ground(frame, tracked.T_map_cam, tracks) if tracked.is_trustworthy else None
         self._poses = [*self._poses[-1:], tracked.T_map_cam]
@@ -161,6 +162,12 @@ class VehicleNode:
             return None
         fix = frame.gnss
         return np.asarray(self.georeference.to_map(np.array([[fix.lon_deg, fix.lat_deg]]), fix.altitude_m)[0])
+
+    def _moved(self, features: CameraFeatures, tracked: TrackedFrame, frame: StereoFrame) -> Motions:
+        """Motion in the map; a pose that is only guessed would set everything in motion."""
+        if not tracked.is_trustworthy:
+            return Motions.empty()
+        return self._motion.update(features, tracked.T_map_cam, frame.timestamp)
 
     def _look_at_ground(self, frame: StereoFrame, T_map_cam: Pose, tracks: Tracks) -> GroundObservation | None:
         if self._frames % self.settings.ground_every:

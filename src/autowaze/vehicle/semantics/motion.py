@@ -67,6 +67,18 @@ class Motions(Columns):
     position: NDArray[np.float32]
     velocity: NDArray[np.float32]
 
+    @classmethod
+    def empty(cls) -> Motions:
+        """Nothing seen."""
+        f32 = np.float32
+        return cls(
+            np.zeros(0, np.int32),
+            np.zeros(0, np.uint8),
+            np.zeros(0, np.bool_),
+            np.zeros((0, 2), f32),
+            np.zeros((0, 2), f32),
+        )
+
 
 @dataclass(frozen=True)
 class _Sighting:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-_ZED = {"name": "zed2i-720", "mount_height_m": 1.5}
+_ZED = {"name": "zed2i-720", "mount_height_m": 1.65}
 
 PRESETS: dict[str, dict[str, Any]] = {
     "town-a": {
@@ -86,6 +86,12 @@ PRESETS: dict[str, dict[str, Any]] = {
         "frontage": "mixed",
         "trees": 0.5,
         "heading_deg": 150.0,
+        # bays of nine feet between double lines
+        "rows": [
+            {"road": road, "side": side, "kind": "perpendicular", "count": 23, "pitch_m": 2.75}
+            for road in (0, 1)
+            for side in ("left", "right")
+        ],
         "parking": {"occupancy": 0.7},
         "traffic": {"oncoming": 0, "pedestrians": 4, "cyclists": 0, "crossing_pedestrians": 1},
         "light": {"solar_time": 12.5},

@@ -14,6 +14,8 @@ _APPROACH_M = 48.0
 """How far roads run on beyond the last crossing."""
 _CLEAR_OF_CROSSING_M = 12.5
 _LANE_CENTRE_M = LANE_M / 2
+_AISLE_OFFSET_M = 0.7
+"""How far right of the middle of an aisle people drive."""
 
 Course = tuple[list[Road], Curve, list[int]]
 """Roads, the route of the middle of the ego vehicle, and the roads along which cars may park."""
@@ -87,7 +89,8 @@ def car_park(description: StreetDescription) -> Course:
     for i, (a, b) in enumerate([(0.0, length), (length, 0.0)]):
         centre = Curve(np.stack([a * along, b * along]) + i * between * right)
         aisles.append(_road(centre, (7.0, length - 7.0), pavement=False))
-    turn_lane = _LANE_CENTRE_M
+    # between two rows of tails people keep nearer the middle than on a road
+    turn_lane = _AISLE_OFFSET_M
     corners = [
         3.0 * along + turn_lane * right,
         (length - LANE_M) * along + turn_lane * right,

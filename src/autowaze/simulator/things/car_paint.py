@@ -17,6 +17,7 @@ Colour = tuple[int, int, int, int]
 
 PAINT: Colour = (250, 250, 250, TINTED)
 _SEAM: Colour = (96, 96, 96, TINTED)
+_GAP: Colour = (52, 52, 54, TINTED)
 _CREASE: Colour = (255, 255, 255, TINTED)
 _HANDLE: Colour = (190, 190, 190, TINTED)
 _PANE: Colour = (20, 24, 28, GLASS)
@@ -32,6 +33,7 @@ _REVERSING: Colour = (206, 198, 194, GLASS)
 _INDICATOR: Colour = (205, 120, 30, GLASS)
 _PLATE: Colour = (226, 226, 218, MATTE)
 _PLATE_INK: Colour = (26, 26, 28, MATTE)
+_OVERSAMPLED = 2
 
 
 class CarPainter:
@@ -47,8 +49,9 @@ class CarPainter:
         cv2.fillPoly(self.texture, [self._pixels(region, points)], colour, cv2.LINE_8, 4)
 
     def line(self, region: str, points: Sequence[tuple[float, float]], colour: Colour, thickness: int = 2) -> None:
-        """Stroke; thickness in texels."""
-        cv2.polylines(self.texture, [self._pixels(region, points)], False, colour, thickness, cv2.LINE_8, 4)
+        """Stroke; thickness in texels of the finished texture."""
+        points_px = [self._pixels(region, points)]
+        cv2.polylines(self.texture, points_px, False, colour, _OVERSAMPLED * thickness, cv2.LINE_8, 4)
 
     def ellipse(
         self,
@@ -78,15 +81,17 @@ class CarPainter:
 
 def paint_car(body: Loft, rng: np.random.Generator, size: int = 768) -> NDArray[np.uint8]:
     """Texture (size, size, 4) of a car; alpha is the finish."""
-    painter = CarPainter(body, size)
+    painter = CarPainter(body, _OVERSAMPLED * size)
     _paint_side(painter, rng)
     _paint_top(painter)
     _paint_front(painter, rng)
     _paint_rear(painter, rng)
     _paint_wheel(painter, rng)
+    # painted large and shrunk, edges come out smooth
+    texture = cv2.resize(painter.texture, (size, size), interpolation=cv2.INTER_AREA)
     dirt = 1.0 + 0.02 * layered_noise(rng, size, size, 8, 6, 0.7)
-    painter.texture[..., :3] = np.clip(painter.texture[..., :3] * dirt[..., None], 0, 255).astype(np.uint8)
-    return painter.texture
+    texture[..., :3] = np.clip(texture[..., :3] * dirt[..., None], 0, 255).astype(np.uint8)
+    return np.asarray(texture, np.uint8)
 
 
 def _curve(xs: NDArray[np.float64], zs: NDArray[np.float64]) -> list[tuple[float, float]]:
@@ -300,8 +305,14 @@ def _paint_rear(p: CarPainter, rng: np.random.Generator) -> None:
             ],
             _REVERSING,
         )
-    p.line("rear", [(-w * 0.8, tail - 0.34), (w * 0.8, tail - 0.34)], _SEAM, 1)
-    p.line("rear", [(-w * 0.9, 0.54), (w * 0.9, 0.54)], _SEAM, 1)
+    lid, bumper = inner - 0.02, 0.54
+    p.line("rear", [(-lid, tail + 0.02), (-lid, bumper), (lid, bumper), (lid, tail + 0.02)], _GAP, 3)
+    p.line("rear", [(-w, bumper), (w, bumper)], _GAP, 3)
+    p.line("rear", [(-w, bumper - 0.02), (w, bumper - 0.02)], _CREASE, 2)
+    p.polygon("rear", [(-w * 0.62, 0.40), (w * 0.62, 0.40), (w * 0.55, 0.24), (-w * 0.55, 0.24)], _PLASTIC)
+    for sign in (1.0, -1.0):
+        a, b = sign * w * 0.70, sign * w * 0.90
+        p.polygon("rear", [(a, 0.44), (b, 0.44), (b, 0.405), (a, 0.405)], _TAIL_LAMP)
     p.polygon("rear", [(-0.28, tail - 0.04), (0.28, tail - 0.04), (0.28, tail - 0.06), (-0.28, tail - 0.06)], _CHROME)
     p.ellipse("rear", (0.0, tail - 0.02), (0.05, 0.045), _CHROME)
     _paint_plate(p, "rear", (tail - 0.11) if rng.random() < 0.6 else 0.64, rng)
@@ -332,9 +343,9 @@ def _paint_wheel(p: CarPainter, rng: np.random.Generator) -> None:
         for split in (-0.11, 0.11) if spokes < 7 else (0.0,):
             a = 2 * np.pi * i / spokes + split
             end = (round(centre[0] + 0.66 * r * np.cos(a)), round(centre[1] + 0.66 * r * np.sin(a)))
-            cv2.line(tile, centre, end, rim, max(3, int(0.10 * r)))
+            cv2.line(tile, centre, end, rim, max(3 * _OVERSAMPLED, int(0.10 * r)))
     if steel:
         cv2.circle(tile, centre, int(0.52 * r), rim, -1)
-    cv2.circle(tile, centre, int(0.68 * r), rim, 4)
+    cv2.circle(tile, centre, int(0.68 * r), rim, 4 * _OVERSAMPLED)
     cv2.circle(tile, centre, int(0.16 * r), rim, -1)
     cv2.circle(tile, centre, int(0.07 * r), (60, 60, 62, MATTE), -1)

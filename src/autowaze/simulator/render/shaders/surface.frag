@@ -103,7 +103,7 @@ void main() {
         vec3 reflected = reflect(-view, bumped);
         float grazing = 1.0 - max(dot(bumped, view), 0.0);
         float g2 = grazing * grazing;
-        float fresnel = 0.04 + 0.96 * g2 * g2 * grazing;
+        float fresnel = 0.06 + 0.94 * g2 * g2;
         float strength = clamp(fresnel * max(mirror, 0.55 * wet) * 1.25, 0.0, 1.0);
         light = mix(light, mirrored(reflected, 4.5 * wet) * (0.35 + 0.65 * tint.a), strength);
         float spark = max(dot(reflected, to_sun), 0.0);

@@ -26,8 +26,9 @@ from autowaze.simulator.simulated_trace import SimulatedFrame
 from autowaze.vehicle.semantics.segmenter import Segmenter, load_segmenter
 from autowaze.world.labels import VEHICLES, ClassLabel
 from autowaze.world.pose import inverse, transform
+from benchmarks import data
 
-WEIGHTS = os.environ.get("AUTOWAZE_COCO_WEIGHTS", "../shared/weights/yolov8n-seg.onnx")
+WEIGHTS = os.environ.get("AUTOWAZE_COCO_WEIGHTS", str(data.WEIGHTS))
 FRAMES_PER_STREET = int(os.environ.get("AUTOWAZE_BENCH_FRAMES", "20"))
 MIN_PIXELS = 1200
 MIN_CONFIDENCE = 0.25

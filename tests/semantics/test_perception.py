@@ -111,7 +111,6 @@ def test_real_parked_cars_are_found_in_grey_images(kitti, yolo_weights):
 
 
 def test_openvino_finds_what_onnxruntime_finds(kitti, test_data, yolo_weights):
-    pytest.importorskip("openvino", reason="the OpenVINO extra is not installed")
     frame = open_trace(kitti / "drive_0005", cameras="grey", frames=slice(125, 126))[0]
     small = load_segmenter(test_data / "weights" / "yolov8n-seg_int8_openvino.xml").segment(frame.left)
     full = load_segmenter(yolo_weights).segment(frame.left)

@@ -28,10 +28,7 @@ class SlamSettings:
         own_weight: how much landmarks of this drive count where enough of the stored map is seen.
         min_relocalized_inliers: features that make certain of a place found by appearance (ORB-SLAM2: 50).
         restart_after: frames with enough features but no known place, after which odometry starts afresh.
-        own_weight: float = 0.25
-    min_relocalized_inliers: int = 50
-    restart_after: int = 10
-    max_depth_baselines: landmarks are made up to this many baselines away.
+        max_depth_baselines: landmarks are made up to this many baselines away.
         adjustment_frames: the bundle adjustment of a keyframe is applied so many frames later, whenever it ended, so
             that no result depends on the speed of the machine; meanwhile no other one starts.
         keyframe_ratio: tracked landmarks below this share of the last keyframe's make a new one.

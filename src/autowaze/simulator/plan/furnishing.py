@@ -75,14 +75,7 @@ def _along_kerb(
             if slot % 4 == 0:
                 _place(scene, plan, "lamp", at, towards_road)
             elif rng.random() < description.trees:
-                _place(
-                    scene,
-                    plan,
-                    f"tree-{int(rng.integers(0, TREE_SHAPES))}",
-                    at,
-                    float(rng.uniform(0, 6.28)),
-                    float(rng.uniform(0.75, 1.15)),
-                )
+                _plant_tree(scene, plan, at, (0.75, 1.15), rng)
             elif rng.random() < description.clutter:
                 facing_traffic = float(road.centre.heading(s)) + (np.pi / 2 if side > 0 else -np.pi / 2)
                 kind = str(rng.choice(["sign parking", "sign parking", "sign speed", "litter_bin", "bollard"]))
@@ -111,6 +104,14 @@ def _along_walls(
         s += float(rng.uniform(5.0, 12.0))
 
 
+def _plant_tree(
+    scene: Scene, plan: StreetPlan, at: NDArray[np.float64], sizes: tuple[float, float], rng: np.random.Generator
+) -> None:
+    """A tree of any shape, turned any way, of a relative size between the two."""
+    kind, turned = f"tree-{int(rng.integers(0, TREE_SHAPES))}", float(rng.uniform(0, 6.28))
+    _place(scene, plan, kind, at, turned, float(rng.uniform(*sizes)))
+
+
 def _around_car_park(scene: Scene, plan: StreetPlan, description: StreetDescription, rng: np.random.Generator) -> None:
     ring = np.array(plan.asphalt.buffer(1.1, join_style="mitre").exterior.coords)
     for a, b in pairwise(ring):
@@ -121,11 +122,4 @@ def _around_car_park(scene: Scene, plan: StreetPlan, description: StreetDescript
             if slot % 4 == 1:
                 _place(scene, plan, "lamp", at, inwards)
             elif rng.random() < description.trees:
-                _place(
-                    scene,
-                    plan,
-                    f"tree-{int(rng.integers(0, TREE_SHAPES))}",
-                    at,
-                    float(rng.uniform(0, 6.28)),
-                    float(rng.uniform(0.7, 1.0)),
-                )
+                _plant_tree(scene, plan, at, (0.7, 1.0), rng)

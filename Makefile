@@ -10,8 +10,8 @@ BIN := .venv/bin
 	@$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	@touch $@
 
-# The simulator draws with OpenGL on EGL; Debian has it in three packages.
-SYSTEM_PACKAGES := libegl1 libgl1 libgl1-mesa-dri
+# The simulator draws with OpenGL on EGL; Debian has it in three packages. The tests start brokers of their own.
+SYSTEM_PACKAGES := libegl1 libgl1 libgl1-mesa-dri mosquitto nats-server
 
 system:  ## system packages, where they are missing
 	@missing=$$(for p in $(SYSTEM_PACKAGES); do dpkg -s $$p >/dev/null 2>&1 || echo $$p; done); \

@@ -104,7 +104,7 @@ def add_token(
     scope: Annotated[list[Scope] | None, typer.Option(help="What it allows; diffs and map by default.")] = None,
 ) -> None:
     """Make a token and print it; it is shown this once."""
-    console.print(TokenRegister(store).add(name, frozenset(scope or Scope)), soft_wrap=True)
+    console.print(TokenRegister(store).add(name, frozenset(scope or (Scope.DIFFS, Scope.MAP))), soft_wrap=True)
 
 
 @token.command("revoke")

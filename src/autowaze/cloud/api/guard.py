@@ -63,7 +63,7 @@ class Guard:
                     "send a good token: Authorization: Bearer TOKEN",
                     {"WWW-Authenticate": 'Bearer realm="autowaze"'},
                 )
-            if scope not in known.scopes:
+            if not known.allows(scope):
                 raise ProblemError(HTTPStatus.FORBIDDEN, "forbidden", f"this token lacks the scope {scope}")
             return known.name
 

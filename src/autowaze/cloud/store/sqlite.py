@@ -3,111 +3,54 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterable, Iterator
+import threading
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from autowaze.cloud.store.store import Accepted, StoreError
-from autowaze.world.parking import Occupancy, SpotState
+from autowaze.cloud.store.database import ClashError, Row, StoreError
+from autowaze.cloud.store.migrations import pending
+from autowaze.cloud.store.sql import SqlStore
 
-SCHEMA_VERSION = 1
-_SCHEMA = """
-CREATE TABLE diffs (
-    position INTEGER PRIMARY KEY,
-    session INTEGER NOT NULL,
-    sequence INTEGER NOT NULL,
-    received_at REAL NOT NULL,
-    payload BLOB NOT NULL,
-    UNIQUE (session, sequence)
-);
-CREATE TABLE spots (
-    spot_id TEXT PRIMARY KEY,
-    occupancy TEXT NOT NULL,
-    probability_vacant REAL NOT NULL,
-    observed_at REAL,
-    evidence TEXT NOT NULL
-) WITHOUT ROWID;
-"""
-_ROWS_AT_ONCE = 256
+_PATIENCE_S = 5.0
+"""How long a statement waits for another process that writes."""
 
 
-class SqliteStore:
-    """A `Store` in one file. One process writes it; others may read."""
+class SqliteDatabase:
+    """A connection to one file.
 
-    def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
+    Args:
+        path: made if there is none.
+        durable: whether a commit survives a power cut; it always survives the end of the process.
+    """
+
+    def __init__(self, path: str | Path, durable: bool = True) -> None:
+        self.name = str(path)
+        self._lock = threading.RLock()
         try:
-            self._connection = sqlite3.connect(self.path, isolation_level=None, check_same_thread=False, timeout=5.0)
-            self._prepare()
+            self._connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False, timeout=_PATIENCE_S)
+            self._connection.execute("PRAGMA journal_mode = WAL")
+            # In a WAL, NORMAL may lose the newest commits in a power cut.
+            self._connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
         except sqlite3.Error as error:
-            raise StoreError(f"{self.path}: cannot be opened as a store: {error}") from error
-        self._position = self._last_position()
+            raise StoreError(f"{path}: cannot be opened as a store: {error}") from error
+        self._migrate()
 
-    @property
-    def position(self) -> int:
-        """Number of the last diff that this process knows of."""
-        return self._position
+    def execute(self, query: str, parameters: Sequence[Any] = ()) -> list[Row]:
+        """The rows that a statement yields."""
+        with self._complaining(), self._lock:
+            return self._connection.execute(query, parameters).fetchall()
 
-    def log(self, after: int = 0) -> Iterator[Accepted]:
-        """Diffs after a position, in order."""
-        query = "SELECT position, session, sequence, received_at, payload FROM diffs WHERE position > ? "
-        while rows := self._connection.execute(f"{query} ORDER BY position LIMIT {_ROWS_AT_ONCE}", (after,)).fetchall():
-            for position, *accepted in rows:
-                after = position
-                yield Accepted(*accepted)
-
-    def commit(self, accepted: Iterable[Accepted], changed: Iterable[SpotState]) -> int:
-        """Append diffs and changed states in one transaction; raises `StoreError`, and then nothing was kept.
-
-        The position is counted here, not by the database: if another process had written in between, the numbers
-        would clash and the transaction fail, instead of two services overwriting each other's state.
-        """
-        numbered = [
-            (position, a.session, a.sequence, a.received_at, a.payload)
-            for position, a in enumerate(accepted, start=self._position + 1)
-        ]
-        with self._transaction():
-            self._connection.executemany("INSERT INTO diffs VALUES (?, ?, ?, ?, ?)", numbered)
-            self._upsert(changed)
-        self._position += len(numbered)
-        return self._position
-
-    def replace_spots(self, states: Iterable[SpotState]) -> None:
-        """Put these states in place of all that are kept."""
-        with self._transaction():
-            self._connection.execute("DELETE FROM spots")
-            self._upsert(states)
-
-    def spots(self) -> list[SpotState]:
-        """The states kept, in no order."""
-        rows = self._connection.execute(
-            "SELECT spot_id, occupancy, probability_vacant, observed_at, evidence FROM spots"
-        )
-        return [SpotState(spot_id, Occupancy(occupancy), *rest) for spot_id, occupancy, *rest in rows]
-
-    def close(self) -> None:
-        """Let go of the file."""
-        self._connection.close()
-
-    def _prepare(self) -> None:
-        self._connection.execute("PRAGMA journal_mode = WAL")
-        self._connection.execute("PRAGMA synchronous = FULL")  # WAL with NORMAL may lose commits in a power cut
-        version = self._connection.execute("PRAGMA user_version").fetchone()[0]
-        if version == 0:
-            self._connection.executescript(f"BEGIN;{_SCHEMA}PRAGMA user_version = {SCHEMA_VERSION};COMMIT;")
-        elif version != SCHEMA_VERSION:
-            raise StoreError(f"{self.path}: store of version {version}, this program knows {SCHEMA_VERSION}")
-
-    def _last_position(self) -> int:
-        return int(self._connection.execute("SELECT coalesce(max(position), 0) FROM diffs").fetchone()[0])
-
-    def _upsert(self, states: Iterable[SpotState]) -> None:
-        rows = [(s.spot_id, s.occupancy.value, s.probability_vacant, s.observed_at, s.evidence) for s in states]
-        self._connection.executemany("INSERT OR REPLACE INTO spots VALUES (?, ?, ?, ?, ?)", rows)
+    def execute_many(self, query: str, rows: Iterable[Sequence[Any]]) -> None:
+        """Run a statement once for each row of parameters."""
+        with self._complaining(), self._lock:
+            self._connection.executemany(query, rows)
 
     @contextmanager
-    def _transaction(self) -> Iterator[None]:
-        try:
+    def transaction(self) -> Iterator[None]:
+        """All of the block or nothing."""
+        with self._complaining(), self._lock:
             self._connection.execute("BEGIN IMMEDIATE")
             try:
                 yield
@@ -116,7 +59,36 @@ class SqliteStore:
                 if self._connection.in_transaction:
                     self._connection.execute("ROLLBACK")
                 raise
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._connection.close()
+
+    def _migrate(self) -> None:
+        if not pending("sqlite", self._version(), self.name):
+            return
+        with self.transaction():  # another process may be at it too: the first one does it
+            for number, script in pending("sqlite", self._version(), self.name):
+                for statement in filter(str.strip, script.split(";")):
+                    self.execute(statement)
+                self.execute(f"PRAGMA user_version = {number}")
+
+    def _version(self) -> int:
+        return int(self.execute("PRAGMA user_version")[0][0])
+
+    @contextmanager
+    def _complaining(self) -> Iterator[None]:
+        try:
+            yield
         except sqlite3.IntegrityError as error:
-            raise StoreError(f"{self.path}: another process writes this store; stop it first ({error})") from error
+            raise ClashError(f"{self.name}: {error}") from error
         except sqlite3.Error as error:
-            raise StoreError(f"{self.path}: not written: {error}") from error
+            raise StoreError(f"{self.name}: not read or written: {error}") from error
+
+
+class SqliteStore(SqlStore):
+    """A `Store` in one file."""
+
+    def __init__(self, path: str | Path) -> None:
+        super().__init__(SqliteDatabase(path), SqliteDatabase(path, durable=False))
+        self.path = Path(path)

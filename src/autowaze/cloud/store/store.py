@@ -6,12 +6,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
-from autowaze.world.errors import AutowazeError
+from autowaze.cloud.store.database import StoreError
 from autowaze.world.parking import SpotState
 
-
-class StoreError(AutowazeError):
-    """The store cannot be opened, or did not keep what it was given; what it held before is intact."""
+__all__ = ["Accepted", "AuditEntry", "SpotChange", "Store", "StoreError"]
 
 
 @dataclass(frozen=True)
@@ -30,8 +28,45 @@ class Accepted:
     payload: bytes
 
 
+@dataclass(frozen=True)
+class SpotChange:
+    """A spot that a commit changed.
+
+    Attributes:
+        number: counts changes from 1.
+        received_at: of the newest diff of the commit, seconds since the epoch (UTC).
+        state: the spot since then; the history keeps no evidence.
+    """
+
+    number: int
+    received_at: float
+    state: SpotState
+
+
+@dataclass(frozen=True)
+class AuditEntry:
+    """Who did, or was refused, what.
+
+    Attributes:
+        number: counts entries from 1; the store gives it, whatever an entry says that is handed in.
+        at: seconds since the epoch (UTC).
+        actor: name of the token, never its secret; empty for nobody known.
+        action: what was done, one word or two.
+        detail: one line for a person.
+    """
+
+    number: int
+    at: float
+    actor: str
+    action: str
+    detail: str
+
+
 class Store(Protocol):
-    """An append-only log of diffs, numbered from 1, and the state of every spot after the last of them."""
+    """An append-only log of diffs, numbered from 1, and the state of every spot after the last of them.
+
+    `log`, `commit` and `replace_spots` belong to one thread; all else may be called from any.
+    """
 
     @property
     def position(self) -> int:
@@ -54,6 +89,27 @@ class Store(Protocol):
 
     def spots(self) -> list[SpotState]:
         """The states kept, in no order."""
+
+    def history(self, start: float, end: float, limit: int, after: int = 0) -> list[SpotChange]:
+        """Changes received from start to end, both included, seconds since the epoch, by number, after a number."""
+
+    def history_extent(self) -> tuple[float, float] | None:
+        """When the oldest and the newest change kept were received; None without any."""
+
+    def spots_at(self, time: float) -> list[SpotState]:
+        """The newest state per spot received at or before a time, in no order; spots without any are left out."""
+
+    def audit(self, entry: AuditEntry) -> None:
+        """Note who did what; raises `StoreError` if it could not be kept."""
+
+    def audit_entries(self, after: int = 0, limit: int = 1000) -> list[AuditEntry]:
+        """Entries after a number, oldest first."""
+
+    def parking_map(self) -> bytes | None:
+        """The newest edited parking map, GeoJSON; None if it was never edited."""
+
+    def save_parking_map(self, geojson: bytes, actor: str) -> int:
+        """Keep an edited parking map beside those before it; returns its version, counted from 1."""
 
     def close(self) -> None:
         """Let go of the file or connection."""

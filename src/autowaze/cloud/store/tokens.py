@@ -4,26 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import secrets
-import sqlite3
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from autowaze.cloud.store.store import StoreError
+from autowaze.cloud.store.address import open_database
+from autowaze.cloud.store.database import ClashError, StoreError
 
 PREFIX = "awz_"
 """Lets scanners of leaked secrets tell what was leaked."""
-_SCHEMA = """
-CREATE TABLE IF NOT EXISTS tokens (
-    hash BLOB PRIMARY KEY,
-    name TEXT NOT NULL UNIQUE,
-    scopes TEXT NOT NULL,
-    created_at REAL NOT NULL,
-    revoked_at REAL
-) WITHOUT ROWID;
-"""
 
 
 class Scope(StrEnum):
@@ -33,6 +24,8 @@ class Scope(StrEnum):
     """Hand in diffs."""
     MAP = "map"
     """Fetch the feature map."""
+    OPERATOR = "operator"
+    """Edit spots, see the fleet and the audit log; fetch the feature map as well."""
 
 
 @dataclass(frozen=True)
@@ -48,19 +41,25 @@ class Token:
     created_at: float
     revoked_at: float | None = None
 
+    def allows(self, scope: Scope) -> bool:
+        """Whether it may be used for this; an operator may fetch the map too."""
+        return scope in self.scopes or (scope is Scope.MAP and Scope.OPERATOR in self.scopes)
+
 
 class TokenRegister:
-    """The tokens in the file of a store; a service and a command line may use it at the same time."""
+    """The tokens in the database of a store; a service and a command line may use it at the same time.
 
-    def __init__(self, path: str | Path, clock: Callable[[], float] = time.time) -> None:
-        self.path = Path(path)
+    Args:
+        address: of the store, as `open_store` takes it.
+        clock: seconds since the epoch (UTC).
+
+    Raises:
+        StoreError: the store cannot be opened.
+    """
+
+    def __init__(self, address: str | Path, clock: Callable[[], float] = time.time) -> None:
+        self._database = open_database(address)
         self._clock = clock
-        try:
-            self._connection = sqlite3.connect(self.path, isolation_level=None, check_same_thread=False, timeout=5.0)
-            self._connection.execute("PRAGMA journal_mode = WAL")
-            self._connection.executescript(_SCHEMA)
-        except sqlite3.Error as error:
-            raise StoreError(f"{self.path}: cannot be opened as a store: {error}") from error
 
     def add(self, name: str, scopes: frozenset[Scope]) -> str:
         """Make a token and return its secret, which is kept nowhere.
@@ -71,23 +70,19 @@ class TokenRegister:
         secret = PREFIX + secrets.token_urlsafe(32)
         row = (_hashed(secret), name, " ".join(sorted(scopes)), self._clock())
         try:
-            self._connection.execute("INSERT INTO tokens VALUES (?, ?, ?, ?, NULL)", row)
-        except sqlite3.IntegrityError as error:
-            raise StoreError(f"{self.path}: there is a token {name!r}: choose another name") from error
-        except sqlite3.Error as error:
-            raise StoreError(f"{self.path}: not written: {error}") from error
+            self._database.execute("INSERT INTO tokens (hash, name, scopes, created_at) VALUES (?, ?, ?, ?)", row)
+        except ClashError as error:
+            raise StoreError(f"{self._database.name}: there is a token {name!r}: choose another name") from error
         return secret
 
     def revoke(self, name: str) -> None:
         """Let a token be good no longer; raises `StoreError` if there is none of this name."""
-        try:
-            done = self._connection.execute(
-                "UPDATE tokens SET revoked_at = ? WHERE name = ? AND revoked_at IS NULL", (self._clock(), name)
-            )
-        except sqlite3.Error as error:
-            raise StoreError(f"{self.path}: not written: {error}") from error
-        if done.rowcount == 0:
-            raise StoreError(f"{self.path}: no good token {name!r}: see autowaze cloud token list")
+        done = self._database.execute(
+            "UPDATE tokens SET revoked_at = ? WHERE name = ? AND revoked_at IS NULL RETURNING name",
+            (self._clock(), name),
+        )
+        if not done:
+            raise StoreError(f"{self._database.name}: no good token {name!r}: see autowaze cloud token list")
 
     def find(self, secret: str) -> Token | None:
         """The good token with this secret."""
@@ -99,19 +94,22 @@ class TokenRegister:
         return self._select("ORDER BY name", ())
 
     def close(self) -> None:
-        """Let go of the file."""
-        self._connection.close()
+        """Let go of the database."""
+        self._database.close()
 
     def _select(self, condition: str, parameters: tuple[bytes, ...]) -> list[Token]:
-        query = f"SELECT name, scopes, created_at, revoked_at FROM tokens {condition}"
-        try:
-            rows = self._connection.execute(query, parameters).fetchall()
-        except sqlite3.Error as error:
-            raise StoreError(f"{self.path}: not read: {error}") from error
+        rows = self._database.execute(
+            f"SELECT name, scopes, created_at, revoked_at FROM tokens {condition}", parameters
+        )
         return [
             Token(name, frozenset(Scope(scope) for scope in scopes.split()), created, revoked)
             for name, scopes, created, revoked in rows
         ]
+
+
+def open_tokens(address: str | Path, clock: Callable[[], float] = time.time) -> TokenRegister:
+    """The tokens in the store at an address; raises `StoreError` if it cannot be opened."""
+    return TokenRegister(address, clock)
 
 
 def _hashed(secret: str) -> bytes:

@@ -1,0 +1,170 @@
+"""The tables of a store, in the SQL that SQLite and PostgreSQL share."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+
+from autowaze.cloud.store.database import ClashError, Database, StoreError
+from autowaze.cloud.store.store import Accepted, AuditEntry, SpotChange
+from autowaze.world.parking import Occupancy, SpotState
+
+_ROWS_AT_ONCE = 256
+_UPSERT = (
+    "INSERT INTO spots (spot_id, occupancy, probability_vacant, observed_at, evidence) VALUES (?, ?, ?, ?, ?) "
+    "ON CONFLICT (spot_id) DO UPDATE SET occupancy = excluded.occupancy, observed_at = excluded.observed_at, "
+    "probability_vacant = excluded.probability_vacant, evidence = excluded.evidence"
+)
+_NEWEST = (
+    "(SELECT number FROM history WHERE history.spot = spot_names.spot AND received_at <= ? "
+    "ORDER BY received_at DESC, number DESC LIMIT 1)"
+)
+_STATE = "spot_id, occupancy, probability_vacant, observed_at"
+
+
+class SqlStore:
+    """A `Store` in a database. One process writes it; others may read.
+
+    Args:
+        log: connection of the thread that takes diffs in.
+        side: connection for everything else, so that questions and audits never join the log's transactions.
+        clock: seconds since the epoch (UTC), for parking maps.
+    """
+
+    def __init__(self, log: Database, side: Database, clock: Callable[[], float] = time.time) -> None:
+        self._log = log
+        self._side = side
+        self._clock = clock
+        self._position = self._last("diffs", "position")
+        self._changes = self._last("history", "number")
+        self._names: dict[str, int] = {}
+
+    @property
+    def position(self) -> int:
+        """Number of the last diff that this process knows of."""
+        return self._position
+
+    def log(self, after: int = 0) -> Iterator[Accepted]:
+        """Diffs after a position, in order."""
+        query = "SELECT position, session, sequence, received_at, payload FROM diffs WHERE position > ?"
+        while rows := self._log.execute(f"{query} ORDER BY position LIMIT {_ROWS_AT_ONCE}", (after,)):
+            for position, session, sequence, received_at, payload in rows:
+                after = position
+                yield Accepted(session, sequence, received_at, bytes(payload))
+
+    def commit(self, accepted: Iterable[Accepted], changed: Iterable[SpotState]) -> int:
+        """Append diffs and changed states in one transaction; raises `StoreError`, and then nothing was kept.
+
+        The position is counted here, not by the database: if another process had written in between, the numbers
+        would clash and the transaction fail, instead of two services overwriting each other's state.
+        """
+        numbered = [
+            (position, a.session, a.sequence, a.received_at, a.payload)
+            for position, a in enumerate(accepted, start=self._position + 1)
+        ]
+        changed = list(changed)
+        received_at = max((row[3] for row in numbered), default=self._clock())
+        try:
+            with self._log.transaction():
+                self._append(numbered)
+                self._upsert(changed)
+                self._note(changed, received_at)
+        except ClashError as error:
+            self._names.clear()
+            raise StoreError(f"{self._log.name}: another process writes this store; stop it first ({error})") from error
+        except BaseException:
+            self._names.clear()
+            raise
+        self._position += len(numbered)
+        self._changes += len(changed)
+        return self._position
+
+    def replace_spots(self, states: Iterable[SpotState]) -> None:
+        """Put these states in place of all that are kept."""
+        with self._log.transaction():
+            self._log.execute("DELETE FROM spots")
+            self._upsert(list(states))
+
+    def spots(self) -> list[SpotState]:
+        """The states kept, in no order."""
+        rows = self._side.execute(f"SELECT {_STATE}, evidence FROM spots")
+        return [SpotState(spot_id, Occupancy(occupancy), *rest) for spot_id, occupancy, *rest in rows]
+
+    def history(self, start: float, end: float, limit: int, after: int = 0) -> list[SpotChange]:
+        """Changes received in a time, by number."""
+        rows = self._side.execute(
+            f"SELECT number, received_at, {_STATE} FROM history JOIN spot_names ON history.spot = spot_names.spot "
+            "WHERE number > ? AND received_at >= ? AND received_at <= ? ORDER BY number LIMIT ?",
+            (after, start, end, limit),
+        )
+        return [SpotChange(n, at, SpotState(s, Occupancy(o), *rest)) for n, at, s, o, *rest in rows]
+
+    def history_extent(self) -> tuple[float, float] | None:
+        """When the oldest and the newest change kept were received."""
+        low, high = self._side.execute(
+            "SELECT (SELECT min(received_at) FROM history), (SELECT max(received_at) FROM history)"
+        )[0]
+        return None if low is None else (low, high)
+
+    def spots_at(self, time: float) -> list[SpotState]:
+        """The newest state per spot received at or before a time."""
+        rows = self._side.execute(
+            f"SELECT {_STATE} FROM spot_names JOIN history ON history.number = {_NEWEST}", (time,)
+        )
+        return [SpotState(spot_id, Occupancy(occupancy), *rest) for spot_id, occupancy, *rest in rows]
+
+    def audit(self, entry: AuditEntry) -> None:
+        """Note who did what."""
+        row = (entry.at, entry.actor, entry.action, entry.detail)
+        self._side.execute("INSERT INTO audit (at, actor, action, detail) VALUES (?, ?, ?, ?)", row)
+
+    def audit_entries(self, after: int = 0, limit: int = 1000) -> list[AuditEntry]:
+        """Entries after a number, oldest first."""
+        query = "SELECT number, at, actor, action, detail FROM audit WHERE number > ? ORDER BY number LIMIT ?"
+        return [AuditEntry(*row) for row in self._side.execute(query, (after, limit))]
+
+    def parking_map(self) -> bytes | None:
+        """The newest edited parking map, GeoJSON."""
+        rows = self._side.execute("SELECT geojson FROM parking_maps ORDER BY version DESC LIMIT 1")
+        return bytes(rows[0][0]) if rows else None
+
+    def save_parking_map(self, geojson: bytes, actor: str) -> int:
+        """Keep an edited parking map; returns its version."""
+        rows = self._side.execute(
+            "INSERT INTO parking_maps (saved_at, actor, geojson) VALUES (?, ?, ?) RETURNING version",
+            (self._clock(), actor, geojson),
+        )
+        return int(rows[0][0])
+
+    def close(self) -> None:
+        """Let go of both connections."""
+        self._side.close()
+        self._log.close()
+
+    def _append(self, numbered: list[tuple[int, int, int, float, bytes]]) -> None:
+        query = "INSERT INTO diffs (position, session, sequence, received_at, payload) VALUES (?, ?, ?, ?, ?)"
+        self._log.execute_many(query, numbered)
+
+    def _upsert(self, states: list[SpotState]) -> None:
+        rows = [(s.spot_id, s.occupancy.value, s.probability_vacant, s.observed_at, s.evidence) for s in states]
+        self._log.execute_many(_UPSERT, rows)
+
+    def _note(self, states: list[SpotState], received_at: float) -> None:
+        self._name([state.spot_id for state in states])
+        rows = [
+            (number, received_at, self._names[s.spot_id], s.occupancy.value, s.probability_vacant, s.observed_at)
+            for number, s in enumerate(states, start=self._changes + 1)
+        ]
+        self._log.execute_many("INSERT INTO history VALUES (?, ?, ?, ?, ?, ?)", rows)
+
+    def _name(self, spot_ids: list[str]) -> None:
+        """Give each spot a number: a history of numbers is a third of the size."""
+        if not self._names:
+            self._names = {spot_id: spot for spot, spot_id in self._log.execute("SELECT spot, spot_id FROM spot_names")}
+        first = len(self._names) + 1
+        new = [(n, spot_id) for n, spot_id in enumerate((s for s in spot_ids if s not in self._names), start=first)]
+        self._log.execute_many("INSERT INTO spot_names (spot, spot_id) VALUES (?, ?)", new)
+        self._names.update({spot_id: spot for spot, spot_id in new})
+
+    def _last(self, table: str, column: str) -> int:
+        return int(self._log.execute(f"SELECT coalesce(max({column}), 0) FROM {table}")[0][0])

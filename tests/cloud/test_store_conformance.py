@@ -1,0 +1,140 @@
+"""What every store promises, whichever database it lies in."""
+
+import pytest
+
+from autowaze.cloud.store import Accepted, AuditEntry, StoreError, open_store, open_tokens
+from autowaze.cloud.store.tokens import Scope
+from autowaze.world.parking import Occupancy, SpotState
+
+VACANT, OCCUPIED = Occupancy.VACANT, Occupancy.OCCUPIED
+
+
+def diff(number, received_at=1.0):
+    return Accepted(7, number, received_at, bytes([number, 0, 255]))
+
+
+def state(spot_id, occupancy=VACANT, observed_at=1.5, evidence="seen"):
+    return SpotState(spot_id, occupancy, 0.1 + 0.2, observed_at, evidence)
+
+
+def by_id(states):
+    return {state.spot_id: state for state in states}
+
+
+def without_evidence(states):
+    return [SpotState(s.spot_id, s.occupancy, s.probability_vacant, s.observed_at) for s in states]
+
+
+class Conformance:
+    """The promises; each kind of store has a class with an `address` fixture."""
+
+    @pytest.fixture
+    def store(self, address):
+        store = open_store(address)
+        yield store
+        store.close()
+
+    def test_begins_empty(self, store):
+        assert store.position == 0
+        assert not list(store.log())
+        assert not store.spots()
+        assert not store.spots_at(1e9)
+        assert not store.history(0.0, 1e9, 10)
+        assert store.history_extent() is None
+        assert store.parking_map() is None
+
+    def test_log_and_spots_outlive_the_connection(self, store, address):
+        assert store.commit([diff(0), diff(1)], [state("a"), state("b", OCCUPIED)]) == 2
+        assert store.commit([diff(2)], [state("a", OCCUPIED, None)]) == 3
+        store.close()
+        again = open_store(address)
+        assert again.position == 3
+        assert list(again.log()) == [diff(0), diff(1), diff(2)]
+        assert list(again.log(after=2)) == [diff(2)]
+        assert by_id(again.spots()) == by_id([state("a", OCCUPIED, None), state("b", OCCUPIED)])
+        assert again.commit([diff(3)], [state("c")]) == 4
+        again.close()
+
+    def test_a_failed_commit_keeps_nothing(self, store):
+        store.commit([diff(0)], [state("a")])
+        with pytest.raises(StoreError):
+            store.commit([diff(1), diff(0)], [state("a", OCCUPIED), state("new")])
+        assert store.position == 1
+        assert list(store.log()) == [diff(0)]
+        assert store.spots() == [state("a")]
+        assert len(store.history(0.0, 10.0, 10)) == 1
+        assert store.commit([diff(1)], [state("new")]) == 2
+        assert by_id(store.spots()) == by_id([state("a"), state("new")])
+
+    def test_spots_are_replaced_as_a_whole(self, store):
+        store.commit([diff(0)], [state("a"), state("b")])
+        store.replace_spots([state("b", OCCUPIED)])
+        assert store.spots() == [state("b", OCCUPIED)]
+
+    def test_history_tells_what_changed_and_when(self, store):
+        store.commit([diff(0, 100.0)], [state("a")])
+        store.commit([diff(1, 200.0), diff(2, 210.0)], [state("a", OCCUPIED), state("b")])
+        store.commit([diff(3, 300.0)], [state("b", OCCUPIED)])
+        changes = store.history(0.0, 1e9, 10)
+        assert [(c.number, c.received_at, c.state.spot_id) for c in changes] == [
+            (1, 100.0, "a"),
+            (2, 210.0, "a"),
+            (3, 210.0, "b"),
+            (4, 300.0, "b"),
+        ]
+        assert [c.number for c in store.history(150.0, 250.0, 10)] == [2, 3]
+        assert [c.number for c in store.history(0.0, 1e9, 2, after=1)] == [2, 3]
+        assert changes[0].state == without_evidence([state("a")])[0]
+        assert store.history_extent() == (100.0, 300.0)
+
+    def test_spots_as_of_a_time(self, store):
+        store.commit([diff(0, 100.0)], [state("a"), state("b")])
+        store.commit([diff(1, 200.0)], [state("a", OCCUPIED)])
+        assert not store.spots_at(99.0)
+        assert by_id(store.spots_at(100.0)) == by_id(without_evidence([state("a"), state("b")]))
+        assert by_id(store.spots_at(200.0)) == by_id(without_evidence([state("a", OCCUPIED), state("b")]))
+
+    def test_audit_entries_are_numbered(self, store):
+        store.audit(AuditEntry(0, 1.0, "car-1", "refused", "too far away"))
+        store.audit(AuditEntry(0, 2.0, "operator", "edited", "spot 7"))
+        assert store.audit_entries() == [
+            AuditEntry(1, 1.0, "car-1", "refused", "too far away"),
+            AuditEntry(2, 2.0, "operator", "edited", "spot 7"),
+        ]
+        assert [entry.number for entry in store.audit_entries(after=1)] == [2]
+        assert [entry.number for entry in store.audit_entries(limit=1)] == [1]
+
+    def test_parking_maps_are_versioned(self, store):
+        assert store.save_parking_map(b'{"one": 1}', "operator") == 1
+        assert store.save_parking_map(b'{"two": 2}', "operator") == 2
+        assert store.parking_map() == b'{"two": 2}'
+
+    def test_one_process_writes(self, store, address):
+        store.commit([diff(0)], [])
+        other = open_store(address)
+        store.commit([diff(1)], [])
+        with pytest.raises(StoreError, match="another process"):
+            other.commit([diff(2)], [state("a")])
+        other.close()
+        assert store.commit([diff(2)], []) == 3
+
+    def test_tokens_lie_in_the_same_database(self, store, address):
+        tokens = open_tokens(address, clock=lambda: 5.0)
+        secret = tokens.add("car-1", frozenset({Scope.DIFFS, Scope.OPERATOR}))
+        with pytest.raises(StoreError, match="another name"):
+            tokens.add("car-1", frozenset({Scope.DIFFS}))
+        known = open_tokens(address).find(secret)
+        assert (known.name, known.scopes, known.created_at) == ("car-1", {Scope.DIFFS, Scope.OPERATOR}, 5.0)
+        assert known.allows(Scope.MAP)
+        tokens.revoke("car-1")
+        assert tokens.find(secret) is None
+        with pytest.raises(StoreError, match="no good token"):
+            tokens.revoke("car-1")
+        assert [token.revoked_at for token in tokens.all()] == [5.0]
+        assert store.commit([diff(0)], []) == 1
+
+
+class TestSqlite(Conformance):
+    @pytest.fixture
+    def address(self, tmp_path):
+        return tmp_path / "cloud.db"

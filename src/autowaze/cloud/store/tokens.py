@@ -89,6 +89,12 @@ class TokenRegister:
         tokens = self._select("WHERE hash = ? AND revoked_at IS NULL", (_hashed(secret),))
         return tokens[0] if tokens else None
 
+    def hashes(self, beginning: bytes) -> list[bytes]:
+        """SHA-256 hashes of the good tokens that begin so; for messages that prove a token without showing it."""
+        query = "SELECT hash FROM tokens WHERE hash >= ? AND hash <= ? AND revoked_at IS NULL"
+        bounds = (beginning.ljust(32, b"\x00"), beginning.ljust(32, b"\xff"))
+        return [bytes(found) for (found,) in self._database.execute(query, bounds)]
+
     def all(self) -> list[Token]:
         """Every token ever made, by name."""
         return self._select("ORDER BY name", ())

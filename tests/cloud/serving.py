@@ -43,14 +43,16 @@ class Site:
 
 
 @contextmanager
-def running(path, tokens=None, limit=None, street=STREET, admit=None):
+def running(path, tokens=None, limit=None, street=STREET, admit=None, streets=None):
     """A service in a thread of this process."""
     store = SqliteStore(path)
     journal = PassJournal()
     durable = DurableService(lambda: CloudService(street.parking_map), store, lambda: NOW, admit, journal.note)
     listening = listening_socket("127.0.0.1", 0)
     site = Site(f"http://127.0.0.1:{listening.getsockname()[1]}", durable, street)
-    app = create_app(durable, street.parking_map, Guard(tokens, limit), lambda: site.now, journal, surveyed_at=500.0)
+    app = create_app(
+        durable, street.parking_map, Guard(tokens, limit), lambda: site.now, journal, surveyed_at=500.0, streets=streets
+    )
     server = WebServer(app)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
     thread.start()

@@ -21,6 +21,7 @@ from autowaze.cloud.store.tokens import Scope, TokenRegister
 from autowaze.world.errors import AutowazeError
 from autowaze.world.map_file import load_map
 from autowaze.world.parking import ParkingMap
+from autowaze.world.streets import StreetNetwork
 
 app = typer.Typer(invoke_without_command=True, rich_markup_mode="markdown")
 token = typer.Typer(no_args_is_help=True, help="Tokens that let cars hand in diffs and fetch the map.")
@@ -37,6 +38,9 @@ def cloud(
     spots: Annotated[Path | None, typer.Option(help="Parking map, GeoJSON.", show_default=False)] = None,
     store: Store = DEFAULT_STORE,
     stored_map: Annotated[Path | None, typer.Option("--map", help="Base map to start from.")] = None,
+    streets: Annotated[
+        Path | None, typer.Option(help="Streets and buildings for the live map and for routes, GeoJSON.")
+    ] = None,
     host: Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0 for all.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="0 chooses a free one.", min=0, max=65535)] = DEFAULT_PORT,
     method: Annotated[str, typer.Option(help="How spots are decided: thesis or fused.")] = "fused",
@@ -68,6 +72,7 @@ def cloud(
 
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     parking_map = ParkingMap.from_geojson(spots)
+    network = StreetNetwork.from_geojson(streets, parking_map.georeference) if streets else None
     base_map = load_map(stored_map) if stored_map else None
     admit = None if replay else TimelyAdmission(time.time)
     listening = listening_socket(host, port)
@@ -85,6 +90,7 @@ def cloud(
         journal,
         surveyed_at=spots.stat().st_mtime,
         origins=cors or ["*"],
+        streets=network,
     )
     server = WebServer(site, certificate, key)
     address = f"{'https' if certificate else 'http'}://{host}:{listening.getsockname()[1]}"

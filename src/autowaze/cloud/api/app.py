@@ -7,6 +7,7 @@ from contextlib import asynccontextmanager
 
 from fastapi import Depends, FastAPI
 from starlette.middleware.cors import CORSMiddleware
+from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddleware
 
 from autowaze import __version__
 from autowaze.cloud.api.cds import cds_routes
@@ -23,13 +24,18 @@ from autowaze.cloud.api.problems import answer_with_problems
 from autowaze.cloud.api.security import SecurityHeaders
 from autowaze.cloud.api.spot_book import SpotBook
 from autowaze.cloud.api.spots import spot_routes
+from autowaze.cloud.api.streets import street_routes
 from autowaze.cloud.api.zones import Kerb
 from autowaze.cloud.durable import DurableService
 from autowaze.cloud.passes import PassJournal
 from autowaze.cloud.store.tokens import Scope
 from autowaze.world.parking import ParkingMap
+from autowaze.world.streets import StreetNetwork
 
 HOUR_S = 3600
+PACKED_FROM_BYTES, PACKING_LEVEL = 1400, 4
+"""Answers larger than a packet are compressed, quickly."""
+_PACKED_ALREADY = (*DEFAULT_EXCLUDED_CONTENT_TYPES, "application/octet-stream")
 
 
 def create_app(
@@ -40,6 +46,7 @@ def create_app(
     journal: PassJournal,
     surveyed_at: float = 0.0,
     origins: Sequence[str] = ("*",),
+    streets: StreetNetwork | None = None,
 ) -> FastAPI:
     """The service as an ASGI application.
 
@@ -51,6 +58,7 @@ def create_app(
         journal: what `durable` shows its updates to.
         surveyed_at: when the spots were drawn, seconds since the epoch (UTC).
         origins: web pages of these origins may read.
+        streets: what the live map shows around the spots, in the map frame of `parking_map`.
     """
     feed, meters = ChangeFeed(durable.service.map.version), Meters()
     intake = Intake(durable, feed.publish)
@@ -69,6 +77,7 @@ def create_app(
     app.include_router(ingest_routes(intake, guard, meters))
     app.include_router(map_routes(intake), dependencies=[Depends(guard.admits(Scope.MAP))])
     app.include_router(spot_routes(book))
+    app.include_router(street_routes(streets))
     app.include_router(feature_routes(book))
     app.include_router(cds_routes(book, kerb, events, surveyed_at))
     app.include_router(change_routes(feed))
@@ -78,4 +87,5 @@ def create_app(
         CORSMiddleware, allow_origins=origins, allow_methods=["GET"], allow_headers=["*"], max_age=HOUR_S
     )
     app.add_middleware(SecurityHeaders)
+    app.add_middleware(GZipMiddleware, PACKED_FROM_BYTES, PACKING_LEVEL, exclude_content_types=_PACKED_ALREADY)
     return app

@@ -9,10 +9,10 @@ from typing import Annotated, Any
 from urllib.parse import quote, urlencode
 
 import numpy as np
-import shapely
 from fastapi import APIRouter, Query, Request, Response
 from numpy.typing import NDArray
 
+from autowaze.cloud.api.bounding_box import BBOX, box_asked_for
 from autowaze.cloud.api.problems import ProblemError, problems
 from autowaze.cloud.api.spot_book import SpotBook
 from autowaze.cloud.api.spots import GEOJSON, SpotCollection, SpotFeature, json_response
@@ -71,12 +71,16 @@ def feature_routes(book: SpotBook) -> APIRouter:
         request: Request,
         limit: Annotated[int, Query(ge=1, le=10_000, description="At most so many at once.")] = 100,
         offset: Annotated[int, Query(ge=0, lt=1 << 31, description="Skip so many.")] = 0,
-        bbox: Annotated[str | None, Query(max_length=200, description="west,south,east,north in degrees")] = None,
+        bbox: BBOX = None,
         datetime: Annotated[str | None, Query(max_length=100, description="RFC 3339 time or interval")] = None,
     ) -> Response:
         """Spots with state, probability and age, a page at a time, in the order of the parking map."""
         limit = min(limit, MOST_ITEMS)
-        rows = np.arange(len(book)) if bbox is None else np.sort(book.tree.query(_box(bbox), predicate="intersects"))
+        rows = (
+            np.arange(len(book))
+            if bbox is None
+            else np.sort(book.tree.query(box_asked_for(bbox), predicate="intersects"))
+        )
         believed = await book.believed()
         if datetime is not None:
             rows = _observed_in(rows, [state.observed_at for state in believed.states], datetime)
@@ -131,21 +135,6 @@ def _collection(request: Request, book: SpotBook) -> dict[str, Any]:
             _link(request, "/collections/spots/items", "items", GEOJSON),
         ],
     }
-
-
-def _box(text: str) -> shapely.Geometry:
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) == 6:  # with heights, which spots do not have
-        numbers = [*numbers[:2], *numbers[3:5]]
-    if len(numbers) != 4 or not all(map(math.isfinite, numbers)) or numbers[1] > numbers[3]:
-        raise ProblemError(HTTPStatus.BAD_REQUEST, "bad_parameter", "bbox: expected west,south,east,north in degrees")
-    west, south, east, north = numbers
-    if west <= east:
-        return shapely.box(west, south, east, north)
-    return shapely.union(shapely.box(west, south, 180, north), shapely.box(-180, south, east, north))  # antimeridian
 
 
 def _observed_in(rows: NDArray[np.int64], observed_at: list[float | None], text: str) -> NDArray[np.int64]:

@@ -3,9 +3,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from small_street import small_street
 
 from autowaze.simulator import SimulatedTrace, record
+from autowaze.simulator.street import build_street
+from autowaze.simulator.surroundings import streets_geojson
 from autowaze.traces import open_trace
 from autowaze.traces.recorded import RecordedTrace
 from autowaze.world.errors import TraceError
@@ -62,6 +65,32 @@ def test_truth_tells_every_spot_and_vehicle(recorded: Path) -> None:
         if spot["vehicle_id"] in by_id:
             centre = by_id[spot["vehicle_id"]]["center_xyz"]
             assert np.linalg.norm(spots.by_id[spot_id].centre - centre[:2]) < 1.5
+
+
+def test_streets_and_buildings_lie_beside_the_parking_map(recorded: Path) -> None:
+    spots = ParkingMap.from_geojson(recorded / "parking_map.geojson")
+    features = json.loads((recorded / "streets.geojson").read_text())["features"]
+    shapes: dict[str, list[shapely.Geometry]] = {}
+    for feature in features:
+        shape = shapely.transform(
+            shapely.geometry.shape(feature["geometry"]), lambda lon_lat: spots.georeference.to_map(lon_lat)[:, :2]
+        )
+        shapes.setdefault(feature["properties"]["kind"], []).append(shape)
+    assert set(shapes) == {"street", "area", "building", "tree"}
+    polygons = shapely.union_all([spot.polygon for spot in spots.spots])
+    assert not any(shape.intersects(polygons) for shape in shapes["building"] + shapes["tree"] + shapes["street"])
+    assert all(0.5 < shapely.distance(shapely.union_all(shapes["street"]), spot.polygon) < 4.0 for spot in spots.spots)
+    assert all(5.0 < f["properties"]["height_m"] < 30.0 for f in features if f["properties"]["kind"] == "building")
+    main, *cross = [f["geometry"]["coordinates"] for f in features if f["properties"]["kind"] == "street"]
+    assert all(any(position in main for position in line) for line in cross)  # a route can turn there
+
+
+def test_the_map_of_a_street_does_not_tell_who_parks_there() -> None:
+    maps = [
+        streets_geojson(build_street(small_street(drive=drive, parking={"occupancy": o})))
+        for drive, o in ((0, 0), (1, 1))
+    ]
+    assert maps[0] == maps[1]
 
 
 def test_a_recording_cut_short_goes_on_and_ends_the_same(recorded: Path, tmp_path: Path) -> None:

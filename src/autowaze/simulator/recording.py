@@ -16,9 +16,11 @@ import numpy as np
 from autowaze.simulator.description import StreetDescription
 from autowaze.simulator.drive import Drive
 from autowaze.simulator.simulated_trace import SimulatedFrame, SimulatedTrace
+from autowaze.simulator.surroundings import streets_geojson
 from autowaze.simulator.truth import SEEN_RANGE_M, SEEN_VACANT, SEEN_VEHICLE, is_vehicle, vehicle_state
 from autowaze.traces.recorded import (
     PARKING_MAP,
+    STREETS,
     TRUTH_FOLDER,
     FrameEntry,
     image_path,
@@ -147,6 +149,7 @@ def _write_summary(trace: SimulatedTrace, folder: Path) -> None:
     drive, truth = trace.drive, folder / TRUTH_FOLDER
     write_poses(folder, trace.ground_truth.T_world_cam)
     write_bytes(folder / PARKING_MAP, _json(drive.street.plan.parking_geojson()))
+    write_bytes(folder / STREETS, _json(streets_geojson(drive.street)))
     views = [json.loads(_view_path(folder, i).read_text(encoding="utf-8")) for i in range(len(trace))]
     write_bytes(truth / "truth.json", _json(_spot_truth(drive, views)))
     write_bytes(truth / "vehicles.json", _json(_still_vehicles(drive)))

@@ -12,7 +12,7 @@ from autowaze.simulator.description import StreetDescription
 from autowaze.simulator.light import Illumination, illuminate
 from autowaze.simulator.mesh import Mesh, quads
 from autowaze.simulator.parking import ParkedCar, park_cars
-from autowaze.simulator.plan.frontage import build_frontages
+from autowaze.simulator.plan.frontage import Building, build_frontages
 from autowaze.simulator.plan.furnishing import furnish
 from autowaze.simulator.plan.street_plan import StreetPlan, plan_street
 from autowaze.simulator.scene import Model, Scene, Thing
@@ -32,6 +32,7 @@ class Street:
     light: Illumination
     scene: Scene
     parked: tuple[ParkedCar, ...]
+    buildings: tuple[Building, ...]
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,7 @@ class _Setting:
     ground: list[tuple[Mesh, str, bool]]
     things: list[Thing]
     models: dict[str, Model]
+    buildings: tuple[Building, ...]
 
 
 def build_street(description: StreetDescription) -> Street:
@@ -62,7 +64,7 @@ def build_street(description: StreetDescription) -> Street:
     )
     rng = np.random.default_rng([description.seed, description.drive, 4])
     parked = park_cars(scene, setting.plan.bays, description.parking, description.seed, rng, FIRST_PARKED_ID)
-    return Street(description, setting.plan, light, scene, tuple(parked))
+    return Street(description, setting.plan, light, scene, tuple(parked), setting.buildings)
 
 
 def _permanent(description: StreetDescription) -> StreetDescription:
@@ -80,8 +82,8 @@ def _setting(description: StreetDescription) -> _Setting:
     scene = Scene()
     rng = np.random.default_rng([description.seed, 5])
     add_ground(scene, plan, rng)
-    build_frontages(scene, plan, rng)
+    buildings = build_frontages(scene, plan, rng)
     square = [[(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]]
     scene.models["contact-shadow"] = Model(((quads(square, [(0, 0), (1, 0), (1, 1), (0, 1)]), "contact-shadow"),))
     furnish(scene, plan, description, rng)
-    return _Setting(plan, scene.ground, scene.things, scene.models)
+    return _Setting(plan, scene.ground, scene.things, scene.models, tuple(buildings))

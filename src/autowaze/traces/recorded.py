@@ -5,6 +5,7 @@
       left/000000.png       8-bit grey or BGR, rectified
       right/000000.png
       parking_map.geojson   the spots along the way, if known
+      streets.geojson       streets and buildings for people to look at, if known
       ground_truth/         opened by evaluation only; poses.txt holds one T_map_cam (3 x 4, row by row) per frame
 
 `trace.json` is written last, so a folder without it is a recording that was cut short.
@@ -29,7 +30,8 @@ from autowaze.world.errors import AutowazeError, TraceError
 from autowaze.world.frame import GnssFix, Image, StereoFrame
 
 FORMAT, VERSION = "autowaze-trace", 1
-INDEX, PARKING_MAP, TRUTH_FOLDER, POSES = "trace.json", "parking_map.geojson", "ground_truth", "poses.txt"
+INDEX, PARKING_MAP, STREETS = "trace.json", "parking_map.geojson", "streets.geojson"
+TRUTH_FOLDER, POSES = "ground_truth", "poses.txt"
 _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 """Fast: noise does not get smaller by trying harder."""
 

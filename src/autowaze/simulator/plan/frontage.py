@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from shapely import Polygon
@@ -17,8 +19,22 @@ from autowaze.simulator.things.trees import hedge
 _SMALLEST_M = 5.0
 
 
-def build_frontages(scene: Scene, plan: StreetPlan, rng: np.random.Generator) -> None:
-    """Fill private ground along every frontage."""
+@dataclass(frozen=True)
+class Building:
+    """A building as a map shows it.
+
+    Attributes:
+        outline: of its walls, map metres.
+        height_m: from its foot to the top of the roof.
+    """
+
+    outline: Polygon
+    height_m: float
+
+
+def build_frontages(scene: Scene, plan: StreetPlan, rng: np.random.Generator) -> list[Building]:
+    """Fill private ground along every frontage; returns the buildings."""
+    buildings = []
     taken = polygonal(plan.asphalt.union(plan.pavement).buffer(-0.95))
     driveways = [
         road.centre.beside(s, side * road.building_line_m(side)) for road in plan.roads for s, side in road.driveways
@@ -42,12 +58,19 @@ def build_frontages(scene: Scene, plan: StreetPlan, rng: np.random.Generator) ->
             T = planted(origin[0], origin[1], KERB_M - 0.02, heading)
             back = T.copy()
             back[:2, 3] += setback * T[:2, 1]
-            for mesh, surface, fine in build(style, rng, near_driveway):
+            parts = build(style, rng, near_driveway)
+            for mesh, surface, fine in parts:
                 scene.add(mesh.moved(back), surface, fine)
+            corners = [(0.0, 0.0), (width, 0.0), (width, style.depth), (0.0, style.depth)]
+            outline = Polygon(np.array(corners) @ back[:2, :2].T + back[:2, 3])
+            buildings.append(
+                Building(outline, max(float(mesh.position[:, 2].max()) for mesh, _, _ in parts if len(mesh)))
+            )
             if house:
                 _garden(scene, T, width, setback, driveways, rng)
             taken = polygonal(taken.union(footprint.buffer(-0.05)))
             s += width + (float(rng.uniform(2.0, 4.5)) if house else 0.0)
+    return buildings
 
 
 def _footprint(

@@ -9,17 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from autowaze.cloud.integration import MapChange
-from autowaze.world.errors import AutowazeError
+from autowaze.cloud.map_tiles import OutdatedMapError
 from autowaze.world.feature_map import MapFeatures
+from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.map_update import MapUpdate
 from autowaze.world.parking import SpotState
+from autowaze.world.tiles import Tile
+
+__all__ = ["ChangeLog", "OutdatedMapError", "Update"]
 
 KEPT_CHANGES = 1024
 """Map versions that a car may lag behind before it must fetch the whole map."""
-
-
-class OutdatedMapError(AutowazeError):
-    """A car's map is too old to be brought up to date by changes; it must fetch the map again."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,8 @@ class Update:
         spots: new states of the spots whose state changed.
         vacant: rectangles {x, y, width, height} in map metres of the vacant spots among those the diff bears on.
         map: the map update from the version before.
+        diff: the diff itself, if it was accepted now.
+        diff_bytes: its size as it came, 0 if it came as no bytes.
     """
 
     accepted: bool
@@ -39,6 +41,8 @@ class Update:
     spots: tuple[SpotState, ...]
     vacant: list[dict[str, float]]
     map: MapUpdate
+    diff: SemanticMapDiff | None = None
+    diff_bytes: int = 0
 
     @property
     def vacant_json(self) -> str:

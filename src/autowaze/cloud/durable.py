@@ -78,7 +78,7 @@ class DurableService:
                     diff = decode_diff(payload)
                 if self._admit is not None and not self.service.map.knows(diff):
                     self._admit(diff)
-                update = self.service.integrate(diff)
+                update = self.service.integrate(diff, len(payload))
             except WireError as error:
                 results.append(error)
                 continue

@@ -15,6 +15,7 @@ from autowaze.cloud.evidence import evidence_of
 from autowaze.cloud.ground_votes import GroundVotes
 from autowaze.cloud.grouping import VehicleGroups, group_by_instance, split_in_space
 from autowaze.cloud.integration import MapState
+from autowaze.cloud.map_tiles import SpotTiles
 from autowaze.cloud.merging import merge_boxes
 from autowaze.cloud.methods import FUSED, Method, method_named
 from autowaze.cloud.occupancy import vacant_rectangles
@@ -49,6 +50,7 @@ class CloudService:
         self.ground = GroundVotes(self.spots)
         self.scene = VehicleScene()
         self.changes = ChangeLog(self.map.version)
+        self.spot_tiles = SpotTiles(self.spots.centre, spots.georeference, self.map.version)
         self.times = StageTimes()
         self._states = [SpotState(spot_id, Occupancy.UNKNOWN) for spot_id in self.spots.ids]
 
@@ -60,10 +62,10 @@ class CloudService:
         """
         with self.times.stage("decode"):
             diff = decode_diff(payload)
-        return self.integrate(diff)
+        return self.integrate(diff, len(payload))
 
-    def integrate(self, diff: SemanticMapDiff) -> Update:
-        """Take in one diff; raises `WireError` as `receive` does."""
+    def integrate(self, diff: SemanticMapDiff, size: int = 0) -> Update:
+        """Take in one diff that came as so many bytes; raises `WireError` as `receive` does."""
         with self.times.stage("integration"):
             check_diff(diff, self.map.georeference)
             change = self.map.integrate(diff if self.method.removals else _additions_only(diff))
@@ -79,9 +81,10 @@ class CloudService:
             stood_on = self._place(change.instances, boxes)
         with self.times.stage("occupancy"):
             touched = np.union1d(looked_at, stood_on)
-            changed = self._adopt(touched, self._decide(touched))
+            rows, changed = self._adopt(touched, self._decide(touched))
         with self.times.stage("broadcast"):
-            return Update(True, self.map.version, changed, self._vacant(touched), self.changes.append(change))
+            vacant, map_update = self._vacant(touched), self.changes.append(change)
+            return Update(True, self.map.version, changed, vacant, map_update, diff, size)
 
     @property
     def states(self) -> list[SpotState]:
@@ -134,13 +137,13 @@ class CloudService:
         ids = (self.spots.ids[spot] for spot in spots.tolist())
         return [believe(spot_id, items, self.method.memory) for spot_id, items in zip(ids, evidence, strict=True)]
 
-    def _adopt(self, spots: NDArray[np.int64], states: list[SpotState]) -> tuple[SpotState, ...]:
-        changed = []
-        for spot, state in zip(spots.tolist(), states, strict=True):
-            if state != self._states[spot]:
-                self._states[spot] = state
-                changed.append(state)
-        return tuple(changed)
+    def _adopt(self, spots: NDArray[np.int64], states: list[SpotState]) -> tuple[list[int], tuple[SpotState, ...]]:
+        """Take on new states; returns the spots that changed, and their states."""
+        pairs = zip(spots.tolist(), states, strict=True)
+        changed = [(spot, state) for spot, state in pairs if state != self._states[spot]]
+        for spot, state in changed:
+            self._states[spot] = state
+        return [spot for spot, _ in changed], tuple(state for _, state in changed)
 
     def _vacant(self, spots: NDArray[np.int64]) -> list[dict[str, float]]:
         vacant = [spot for spot in spots.tolist() if self._states[spot].occupancy is Occupancy.VACANT]

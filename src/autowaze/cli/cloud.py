@@ -18,6 +18,7 @@ from autowaze.cloud.passes import PassJournal
 from autowaze.cloud.service import CloudService
 from autowaze.cloud.store import SqliteStore
 from autowaze.cloud.store.tokens import Scope, TokenRegister
+from autowaze.world.broker import BrokerAddress
 from autowaze.world.errors import AutowazeError
 from autowaze.world.map_file import load_map
 from autowaze.world.parking import ParkingMap
@@ -50,6 +51,12 @@ def cloud(
     ] = False,
     certificate: Annotated[Path | None, typer.Option(help="TLS certificate chain, PEM; with --key.")] = None,
     key: Annotated[Path | None, typer.Option(help="Its private key, PEM.")] = None,
+    mqtt: Annotated[
+        str | None,
+        typer.Option(
+            help="Broker at which cars hand in diffs, too: mqtt[s]://[user:password@]host.", envvar="AUTOWAZE_MQTT"
+        ),
+    ] = None,
     cors: Annotated[list[str] | None, typer.Option(help="Origin whose web pages may read; all by default.")] = None,
 ) -> None:
     """Run the service: diffs in; spots, map and changes out.
@@ -61,6 +68,8 @@ def cloud(
         autowaze cloud --spots street.geojson --map street.map
 
         autowaze cloud --spots street.geojson --open --replay
+
+        autowaze cloud --spots street.geojson --mqtt mqtts://service:secret@broker.example
     """
     if context.invoked_subcommand is not None:
         return
@@ -91,6 +100,7 @@ def cloud(
         surveyed_at=spots.stat().st_mtime,
         origins=cors or ["*"],
         streets=network,
+        broker=BrokerAddress.parse(mqtt) if mqtt else None,
     )
     server = WebServer(site, certificate, key)
     address = f"{'https' if certificate else 'http'}://{host}:{listening.getsockname()[1]}"

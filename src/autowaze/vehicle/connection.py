@@ -37,6 +37,15 @@ class Reply:
     body: bytes
 
 
+def checked_token(url: str, token: str | None) -> str | None:
+    """A token that may stand in a header; warns where it would travel in the clear. Raises `AutowazeError`."""
+    if (token and not token.isascii()) or any(c in (token or "") for c in "\r\n"):
+        raise AutowazeError("the token has characters that no token has")
+    if token and url.startswith(("http:", "ws:")) and urlsplit(url).hostname not in _LOOPBACK:
+        _log.warning("%s: the token travels in the clear; use https or wss", url)
+    return token or None
+
+
 class CloudConnection:
     """Keeps a connection open between requests; not for several threads.
 
@@ -57,10 +66,7 @@ class CloudConnection:
             host, port = None, None
         if parts.scheme not in ("http", "https") or not host:
             raise AutowazeError(f"{url}: not the URL of a service, such as https://parking.example")
-        if (token and not token.isascii()) or any(c in (token or "") for c in "\r\n"):
-            raise AutowazeError("the token has characters that no token has")
-        if token and parts.scheme == "http" and host not in _LOOPBACK:
-            _log.warning("%s: the token travels in the clear; use https", url)
+        token = checked_token(url, token)
         self.url = url
         self._prefix = parts.path.rstrip("/")
         self._headers = {"Authorization": f"Bearer {token}"} if token else {}

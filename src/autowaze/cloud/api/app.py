@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 
 from fastapi import Depends, FastAPI
 from starlette.middleware.cors import CORSMiddleware
@@ -13,22 +13,29 @@ from autowaze import __version__
 from autowaze.cloud.api.cds import cds_routes
 from autowaze.cloud.api.cds_events import Events
 from autowaze.cloud.api.changes import ChangeFeed, change_routes
+from autowaze.cloud.api.diff_desk import DiffDesk
 from autowaze.cloud.api.feature_map import map_routes
 from autowaze.cloud.api.features import feature_routes
 from autowaze.cloud.api.guard import Guard
 from autowaze.cloud.api.ingest import ingest_routes
+from autowaze.cloud.api.ingest_socket import ingest_socket_routes
 from autowaze.cloud.api.intake import Intake
 from autowaze.cloud.api.meters import Meters
+from autowaze.cloud.api.mqtt_broadcast import MqttBroadcast
+from autowaze.cloud.api.mqtt_gateway import MqttGateway
 from autowaze.cloud.api.operations import operation_routes
 from autowaze.cloud.api.problems import answer_with_problems
 from autowaze.cloud.api.security import SecurityHeaders
 from autowaze.cloud.api.spot_book import SpotBook
 from autowaze.cloud.api.spots import spot_routes
+from autowaze.cloud.api.stats import Panel, stats_routes
 from autowaze.cloud.api.streets import street_routes
 from autowaze.cloud.api.zones import Kerb
+from autowaze.cloud.broadcast import Update
 from autowaze.cloud.durable import DurableService
 from autowaze.cloud.passes import PassJournal
 from autowaze.cloud.store.tokens import Scope
+from autowaze.world.broker import BrokerAddress
 from autowaze.world.parking import ParkingMap
 from autowaze.world.streets import StreetNetwork
 
@@ -47,6 +54,7 @@ def create_app(
     surveyed_at: float = 0.0,
     origins: Sequence[str] = ("*",),
     streets: StreetNetwork | None = None,
+    broker: BrokerAddress | None = None,
 ) -> FastAPI:
     """The service as an ASGI application.
 
@@ -59,22 +67,40 @@ def create_app(
         surveyed_at: when the spots were drawn, seconds since the epoch (UTC).
         origins: web pages of these origins may read.
         streets: what the live map shows around the spots, in the map frame of `parking_map`.
+        broker: cars may hand in their diffs at this one, too, and follow the spots there.
     """
     feed, meters = ChangeFeed(durable.service.map.version), Meters()
-    intake = Intake(durable, feed.publish)
+    broadcasts: list[Callable[[Update], None]] = [feed.publish]
+
+    def publish(update: Update) -> None:
+        for tell in broadcasts:
+            tell(update)
+
+    intake = Intake(durable, publish)
     book, kerb = SpotBook(parking_map, intake, clock), Kerb(parking_map)
     events = Events(journal, intake, kerb, book.row_of)
+    panel = Panel(book, intake, feed, meters, len(durable.service.map.features))
+    broadcasts.append(panel.note)
+    desk = DiffDesk(intake, guard, meters)
+    spots_by_mqtt = MqttBroadcast(book, intake) if broker else None
+    if spots_by_mqtt:
+        broadcasts.append(spots_by_mqtt.note)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         intake.open()
-        yield
-        feed.close()
+        async with AsyncExitStack() as stack:
+            if broker and spots_by_mqtt:
+                await stack.enter_async_context(spots_by_mqtt)
+                await stack.enter_async_context(MqttGateway(broker, desk, guard.tokens, spots_by_mqtt.connected))
+            yield
+            feed.close()
         await intake.close()
 
     app = FastAPI(title="Autowaze", version=__version__, lifespan=lifespan, docs_url=None, redoc_url=None)
     app.state.feed = feed
     app.include_router(ingest_routes(intake, guard, meters))
+    app.include_router(ingest_socket_routes(desk, guard))
     app.include_router(map_routes(intake), dependencies=[Depends(guard.admits(Scope.MAP))])
     app.include_router(spot_routes(book))
     app.include_router(street_routes(streets))
@@ -82,6 +108,7 @@ def create_app(
     app.include_router(cds_routes(book, kerb, events, surveyed_at))
     app.include_router(change_routes(feed))
     app.include_router(operation_routes(intake, feed, meters))
+    app.include_router(stats_routes(panel))
     answer_with_problems(app)
     app.add_middleware(
         CORSMiddleware, allow_origins=origins, allow_methods=["GET"], allow_headers=["*"], max_age=HOUR_S

@@ -9,7 +9,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from http import HTTPStatus
 
-from fastapi import Request
+from fastapi.requests import HTTPConnection
 
 from autowaze.cloud.api.problems import ProblemError
 from autowaze.cloud.store.tokens import Scope, TokenRegister
@@ -44,14 +44,19 @@ class Guard:
         self._clock = clock
         self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
 
-    def admits(self, scope: Scope) -> Callable[[Request], Awaitable[str]]:
+    @property
+    def tokens(self) -> TokenRegister | None:
+        """The tokens that are good; None where nobody needs one."""
+        return self._tokens
+
+    def admits(self, scope: Scope) -> Callable[[HTTPConnection], Awaitable[str]]:
         """A dependency that yields the name of who asks, if it holds a token of this scope.
 
         Raises:
             ProblemError: 401 without a good token, 403 with one of another scope.
         """
 
-        async def bearer(request: Request) -> str:
+        async def bearer(request: HTTPConnection) -> str:
             if self._tokens is None:
                 return request.client.host if request.client else "unknown"
             kind, _, secret = request.headers.get("authorization", "").partition(" ")

@@ -11,6 +11,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from autowaze.world.errors import AutowazeError
+from autowaze.world.wire import MAX_MESSAGE_BYTES
 
 MOST_CONNECTIONS = 4096
 SWITCH_S = 0.0005
@@ -43,7 +44,7 @@ class WebServer(uvicorn.Server):
                 log_config=None,
                 server_header=False,
                 ws="websockets-sansio",
-                ws_max_size=1 << 12,
+                ws_max_size=MAX_MESSAGE_BYTES,
                 limit_concurrency=MOST_CONNECTIONS,
                 timeout_graceful_shutdown=GRACE_S,
             )

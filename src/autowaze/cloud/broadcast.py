@@ -34,6 +34,7 @@ class Update:
         map: the map update from the version before.
         diff: the diff itself, if it was accepted now.
         diff_bytes: its size as it came, 0 if it came as no bytes.
+        map_tiles, spot_tiles: sorted tiles of which features came or went, and of which spots changed.
     """
 
     accepted: bool
@@ -43,6 +44,8 @@ class Update:
     map: MapUpdate
     diff: SemanticMapDiff | None = None
     diff_bytes: int = 0
+    map_tiles: tuple[Tile, ...] = ()
+    spot_tiles: tuple[Tile, ...] = ()
 
     @property
     def vacant_json(self) -> str:

@@ -56,6 +56,10 @@ class InstanceTable:
             window = (label, confidence, view_x, view_y, frames, diff.end)
             self._windows.setdefault(key, {})[diff.sequence] = window
 
+    def forget(self, key: int) -> None:
+        """Drop what windows told of an instance."""
+        self._windows.pop(key, None)
+
     def views(self, keys: NDArray[np.uint64]) -> InstanceViews:
         """Rows for these keys, in their order."""
         rows = [_summed_up(self._windows.get(key, {})) for key in keys.tolist()]

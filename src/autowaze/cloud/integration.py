@@ -7,24 +7,31 @@ its block, hence integrating a diff costs what the diff touches, however large t
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.cloud.instances import InstanceTable
+from autowaze.cloud.map_tiles import MapTiles, OutdatedMapError
 from autowaze.cloud.validation import RefusedDiffError
 from autowaze.world.feature_map import FeatureMap, MapFeatures
 from autowaze.world.georeference import Georeference
 from autowaze.world.identity import ROW_BITS, SEQUENCE_BITS, instance_keys
 from autowaze.world.labels import is_vehicle
 from autowaze.world.map_diff import SemanticMapDiff
+from autowaze.world.map_update import MapUpdate
+from autowaze.world.tiles import Tile
 
 MAX_AWAITED_REMOVALS = 1 << 22
 """Removed ids whose features have not arrived; more than this is no reordering but an attack."""
 
 MAX_WINDOWS = 32
 """Windows whose features of one instance are looked at; a track is lost long before."""
+
+FORGOTTEN_AFTER = 1 << 15
+"""Diffs after which an instance without features on the map is forgotten: that car has left, nobody reports of it."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +42,13 @@ class MapChange:
         added: features that are in the map now and were not.
         removed: (R,) uint64, sorted ids of features that were in the map and are not.
         instances: (K,) uint64, sorted keys of the instances that gained or lost features or were seen again.
+        tiles: sorted tiles that gained or lost features.
     """
 
     added: MapFeatures
     removed: NDArray[np.uint64]
     instances: NDArray[np.uint64]
+    tiles: tuple[Tile, ...]
 
 
 class MapState:
@@ -49,6 +58,7 @@ class MapState:
         base_map = base_map or FeatureMap()
         self.georeference = base_map.georeference or georeference
         self.instances = InstanceTable()
+        self.tiles = MapTiles(self.georeference, base_map.version)
         self._base_version = base_map.version
         self._blocks: dict[int, MapFeatures] = {}
         self._accepted: dict[int, int] = {}
@@ -56,8 +66,10 @@ class MapState:
         self._awaited_removals: dict[int, set[int]] = {}
         self._awaited_count = 0
         self._blocks_of_instance: dict[int, set[int]] = {}
+        self._left: deque[tuple[int, int]] = deque()
         for number, block in _by_block(base_map.features):
             self._insert(number, block)
+            self.tiles.insert(number, block, base_map.version)
 
     @property
     def version(self) -> int:
@@ -88,13 +100,31 @@ class MapState:
         self._accepted_count += 1
         added = self._add(_block_of(diff), diff.new)
         removed = self._remove(diff.removed)
+        lasting = ~np.isin(added.id, removed.id)
+        gone = removed[~np.isin(removed.id, added.id)]
+        tiles = {*self.tiles.insert(_block_of(diff), added[lasting], self.version)}
+        tiles.update(self.tiles.remove(gone, self.version))
         own = instance_keys(diff.session, diff.instances.id)
         self.instances.add(own, diff)
         touched = np.concatenate([added.instance_key, removed.instance_key, own])
         touched = np.unique(touched[touched != 0])
-        lasting = ~np.isin(added.id, removed.id)
-        gone = np.setdiff1d(removed.id, added.id, assume_unique=True)
-        return MapChange(added[lasting], gone, touched)
+        self._forget(touched)
+        return MapChange(added[lasting], gone.id, touched, tuple(sorted(tiles)))
+
+    def tile_update(self, tile: Tile, since: int | None) -> MapUpdate:
+        """What a car lacks of one tile that has it as of a version, or has nothing of it.
+
+        Raises:
+            OutdatedMapError: that version is too long ago or yet to come; the tile must be fetched whole.
+        """
+        if since is not None and since > self.version:
+            raise OutdatedMapError(f"map version {since} is yet to come, {self.version} is the newest: fetch it whole")
+        gone = np.zeros(0, np.uint64) if since is None else self.tiles.gone_since(tile, since)
+        parts = [MapFeatures.empty()]
+        for number in self.tiles.blocks_since(tile, since):
+            block = self._blocks[number]
+            parts.append(block[np.array([t == tile for t in self.tiles.of(block)], np.bool_)])
+        return MapUpdate(since or 0, self.version, MapFeatures.concatenate(parts), gone)
 
     def vehicle_features(self, instances: NDArray[np.uint64]) -> MapFeatures:
         """Features with a vehicle's label that belong to these instances, sorted by id.
@@ -136,13 +166,34 @@ class MapState:
             if block is not None:
                 is_gone = np.isin(block.id, of_block)
                 gone.append(block[is_gone])
-                self._blocks[number] = block[~is_gone]
+                self._keep(number, block[~is_gone], gone[-1])
             elif not self._arrived(number):
                 awaited = self._awaited_removals.setdefault(number, set())
                 self._awaited_count -= len(awaited)
                 awaited.update(of_block.tolist())
                 self._awaited_count += len(awaited)
         return MapFeatures.concatenate(gone) if gone else MapFeatures.empty()
+
+    def _keep(self, number: int, left: MapFeatures, gone: MapFeatures) -> None:
+        """Put what is left of a block in its place; of one of which nothing is left only its arrival is remembered."""
+        self._blocks[number] = left
+        for key in np.setdiff1d(gone.instance_key, left.instance_key).tolist():
+            numbers = self._blocks_of_instance.get(key, set())
+            numbers.discard(number)
+            if not numbers:
+                self._blocks_of_instance.pop(key, None)
+        if len(left) == 0 and self._arrived(number):
+            del self._blocks[number]
+            self.tiles.forget(number)
+
+    def _forget(self, touched: NDArray[np.uint64]) -> None:
+        """Drop what is known of instances that have had no features on the map for a while: those cars have left."""
+        count = self._accepted_count
+        self._left.extend((count, key) for key in touched.tolist() if key not in self._blocks_of_instance)
+        while self._left and self._left[0][0] + FORGOTTEN_AFTER < count:
+            key = self._left.popleft()[1]
+            if key not in self._blocks_of_instance:
+                self.instances.forget(key)
 
     def _arrived(self, number: int) -> bool:
         session, sequence = number >> SEQUENCE_BITS, number & ((1 << SEQUENCE_BITS) - 1)

@@ -84,7 +84,8 @@ class CloudService:
             rows, changed = self._adopt(touched, self._decide(touched))
         with self.times.stage("broadcast"):
             vacant, map_update = self._vacant(touched), self.changes.append(change)
-            return Update(True, self.map.version, changed, vacant, map_update, diff, size)
+            spot_tiles = self.spot_tiles.change(rows, self.map.version)
+            return Update(True, self.map.version, changed, vacant, map_update, diff, size, change.tiles, spot_tiles)
 
     @property
     def states(self) -> list[SpotState]:

@@ -1,4 +1,4 @@
-"""The map for cars: whole, or what they lack since a version."""
+"""The map for cars: whole, or what they lack since a version, of everything or of the tiles around them."""
 
 from __future__ import annotations
 
@@ -6,13 +6,49 @@ import asyncio
 from http import HTTPStatus
 from typing import Annotated
 
-from fastapi import APIRouter, Header, Query, Response
+import numpy as np
+import shapely
+from fastapi import APIRouter, Header, Path, Query, Response
+from numpy.typing import NDArray
+from pydantic import BaseModel
 
+from autowaze.cloud.api.bounding_box import BBOX, box_asked_for
 from autowaze.cloud.api.intake import Intake
-from autowaze.cloud.api.problems import problems
+from autowaze.cloud.api.problems import ProblemError, problems
+from autowaze.cloud.service import CloudService
+from autowaze.world.tiles import TILE_ZOOM, TILES_ACROSS, Tile, tile_bounds
 from autowaze.world.wire import encode_map, encode_map_update
 
 _BYTES = {"content": {"application/octet-stream": {}}, "description": "docs/wire-format.md"}
+
+MOST_TILES = 4096
+_Column = Annotated[int, Path(ge=0, lt=TILES_ACROSS)]
+
+
+class TileVersion(BaseModel):
+    """One tile of web mercator, zoom 17.
+
+    Attributes:
+        map_version: of the map when features of the tile came or went last; null if it never had any.
+        spots_version: of the map when spots of the tile changed last; null if it has none.
+    """
+
+    x: int
+    y: int
+    map_version: int | None
+    spots_version: int | None
+
+
+class TileVersions(BaseModel):
+    """The tiles that have features or spots.
+
+    Attributes:
+        version: of the map.
+    """
+
+    version: int
+    zoom: int = TILE_ZOOM
+    tiles: list[TileVersion]
 
 
 class PackedMap:
@@ -35,7 +71,7 @@ class PackedMap:
 
 
 def map_routes(intake: Intake) -> APIRouter:
-    """`/map` and `/map/updates`."""
+    """`/map`, `/map/updates` and `/map/tiles`."""
     router = APIRouter(tags=["map"])
     packed = PackedMap(intake)
 
@@ -60,4 +96,59 @@ def map_routes(intake: Intake) -> APIRouter:
         headers = {"Autowaze-Map-Version": str(update.to_version)}
         return Response(data, media_type="application/octet-stream", headers=headers)
 
+    @router.get("/map/tiles", responses=problems(HTTPStatus.BAD_REQUEST))
+    async def tiles(bbox: BBOX = None) -> TileVersions:
+        """Which tiles changed last with which version."""
+        box = box_asked_for(bbox) if bbox is not None else None
+        found = await intake.ask(lambda service: _tile_versions(service, box))
+        if len(found.tiles) > MOST_TILES:
+            raise ProblemError(HTTPStatus.BAD_REQUEST, "bad_parameter", f"bbox: more than {MOST_TILES} tiles lie in it")
+        return found
+
+    @router.get(
+        f"/map/tiles/{TILE_ZOOM}/{{x}}/{{y}}",
+        response_class=Response,
+        responses={200: _BYTES, 304: {"description": "Not modified"}}
+        | problems(HTTPStatus.BAD_REQUEST, HTTPStatus.GONE),
+    )
+    async def tile_update(
+        x: _Column,
+        y: _Column,
+        since: Annotated[
+            int | None, Query(ge=0, lt=1 << 63, description="Version of the tile that the car has.")
+        ] = None,
+        if_none_match: Annotated[str | None, Header(max_length=200)] = None,
+    ) -> Response:
+        """The map update of one tile: since a version, or without one all that lies in it; 410 if that is needed."""
+        tile = Tile(x, y)
+        version = await intake.ask(lambda service: service.map.tiles.version(tile))
+        etag = f'"{version}"'
+        if if_none_match == etag:
+            return Response(status_code=HTTPStatus.NOT_MODIFIED, headers={"ETag": etag})
+        update = await intake.ask(lambda service: service.map.tile_update(tile, since))
+        data = await asyncio.to_thread(encode_map_update, update)
+        headers = {"ETag": etag, "Autowaze-Map-Version": str(update.to_version)}
+        return Response(data, media_type="application/octet-stream", headers=headers)
+
     return router
+
+
+def _tile_versions(service: CloudService, box: shapely.Geometry | None) -> TileVersions:
+    records, spots = service.map.tiles.records, service.spot_tiles.versions
+    tiles = sorted({*records, *spots})
+    if box is not None:
+        bounds = np.array([tile_bounds(tile) for tile in tiles]).reshape(-1, 4).T
+        inside: NDArray[np.bool_] = np.asarray(shapely.intersects(box, shapely.box(*bounds)))
+        tiles = [tile for tile, is_inside in zip(tiles, inside.tolist(), strict=True) if is_inside]
+    return TileVersions(
+        version=service.map.version,
+        tiles=[
+            TileVersion(
+                x=tile.x,
+                y=tile.y,
+                map_version=records[tile].version if tile in records else None,
+                spots_version=spots.get(tile),
+            )
+            for tile in tiles[: MOST_TILES + 1]
+        ],
+    )

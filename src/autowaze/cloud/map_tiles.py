@@ -1,0 +1,140 @@
+"""The map by place: which blocks of features lie in a tile, when it last changed, and what has gone from it.
+
+A car fetches the tiles around it and comes back with the version that it has; whatever the size of the city and
+however long it was away, it gets the features that came since and the ids of those that went.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autowaze.world.errors import AutowazeError
+from autowaze.world.feature_map import MapFeatures
+from autowaze.world.georeference import Georeference
+from autowaze.world.tiles import Tile, tiles_of_map
+
+MOST_GONE = 1 << 14
+"""Ids of removed features kept per tile, 128 KiB; a car that missed more fetches the tile whole."""
+
+
+class OutdatedMapError(AutowazeError):
+    """A car's map is too old to be brought up to date by changes; it must fetch it again."""
+
+
+@dataclass
+class TileRecord:
+    """What is known of one tile.
+
+    Attributes:
+        version: of the map when features of the tile came or went last.
+        complete_since: the oldest version of which all that went since is known.
+        blocks: numbers of the blocks with features in the tile, and the version that each came with.
+        gone: version and ids (R,) uint64 of what went, oldest first.
+        gone_count: ids in `gone`.
+    """
+
+    version: int
+    complete_since: int
+    blocks: dict[int, int] = field(default_factory=dict)
+    gone: list[tuple[int, NDArray[np.uint64]]] = field(default_factory=list)
+    gone_count: int = 0
+
+
+class MapTiles:
+    """Tiles of one map; a map that floats freely has none."""
+
+    def __init__(self, georeference: Georeference | None, version: int) -> None:
+        self._georeference = georeference
+        self._first_version = version
+        self._tiles_of_block: dict[int, tuple[Tile, ...]] = {}
+        self.records: dict[Tile, TileRecord] = {}
+
+    def insert(self, number: int, features: MapFeatures, version: int) -> tuple[Tile, ...]:
+        """Note a block that came with a version; returns its tiles, sorted."""
+        tiles = tuple(sorted(set(self.of(features))))
+        self._tiles_of_block[number] = tiles
+        for tile in tiles:
+            record = self._changed(tile, version)
+            record.blocks[number] = version
+        return tiles
+
+    def remove(self, features: MapFeatures, version: int) -> tuple[Tile, ...]:
+        """Note features that went with a version; returns their tiles, sorted."""
+        ids: dict[Tile, list[int]] = {}
+        for tile, feature_id in zip(self.of(features), features.id.tolist(), strict=False):
+            ids.setdefault(tile, []).append(feature_id)
+        for tile, gone in ids.items():
+            record = self._changed(tile, version)
+            record.gone.append((version, np.array(gone, np.uint64)))
+            record.gone_count += len(gone)
+            _bound(record)
+        return tuple(sorted(ids))
+
+    def forget(self, number: int) -> None:
+        """Drop a block of which nothing is left."""
+        for tile in self._tiles_of_block.pop(number, ()):
+            del self.records[tile].blocks[number]
+
+    def version(self, tile: Tile) -> int:
+        """Version of the map when the tile changed last."""
+        record = self.records.get(tile)
+        return self._first_version if record is None else record.version
+
+    def blocks_since(self, tile: Tile, since: int | None) -> list[int]:
+        """Numbers of the blocks that came after a version, or of all."""
+        record = self.records.get(tile)
+        if record is None:
+            return []
+        return sorted(number for number, version in record.blocks.items() if since is None or version > since)
+
+    def gone_since(self, tile: Tile, since: int) -> NDArray[np.uint64]:
+        """Sorted ids (R,) of the features that went after a version.
+
+        Raises:
+            OutdatedMapError: that is too long ago; the tile must be fetched whole.
+        """
+        record = self.records.get(tile)
+        if since < (self._first_version if record is None else record.complete_since):
+            raise OutdatedMapError(f"tile {tile.x}/{tile.y}: version {since} is too long ago: fetch the tile whole")
+        parts = [ids for version, ids in record.gone if version > since] if record else []
+        return np.sort(np.concatenate([np.zeros(0, np.uint64), *parts]))
+
+    def of(self, features: MapFeatures) -> list[Tile]:
+        """The tile of each feature; empty where the map floats freely."""
+        if self._georeference is None or len(features) == 0:
+            return []
+        return [Tile(x, y) for x, y in tiles_of_map(features.position, self._georeference).tolist()]
+
+    def _changed(self, tile: Tile, version: int) -> TileRecord:
+        record = self.records.get(tile)
+        if record is None:
+            record = self.records[tile] = TileRecord(version, self._first_version)
+        record.version = version
+        return record
+
+
+class SpotTiles:
+    """When spots of each tile last changed."""
+
+    def __init__(self, centres: NDArray[np.float64], georeference: Georeference, version: int) -> None:
+        self.tiles = [Tile(x, y) for x, y in tiles_of_map(centres, georeference).tolist()]
+        self.versions = dict.fromkeys(self.tiles, version)
+
+    def change(self, spots: Iterable[int], version: int) -> tuple[Tile, ...]:
+        """Note that these spots changed; returns their tiles, sorted."""
+        tiles = tuple(sorted({self.tiles[spot] for spot in spots}))
+        self.versions.update(dict.fromkeys(tiles, version))
+        return tiles
+
+
+def _bound(record: TileRecord) -> None:
+    if record.gone_count <= MOST_GONE:
+        return
+    half = len(record.gone) // 2 or 1
+    record.complete_since = record.gone[half - 1][0]
+    del record.gone[:half]
+    record.gone_count = sum(len(ids) for _, ids in record.gone)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from shapely import Polygon
 
+from autowaze.world.drawn_spots import DrawnSpots, load_document, read_drawn_spots
 from autowaze.world.errors import MapFileError
 from autowaze.world.georeference import Georeference
 
@@ -94,54 +95,29 @@ class ParkingMap:
         Raises:
             MapFileError: the file is missing or is not a feature collection of simple polygons.
         """
-        path = Path(path)
-        try:
-            document = json.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise MapFileError(f"{path}: cannot be read: {error.strerror}") from error
-        except ValueError as error:
-            raise MapFileError(f"{path}: not JSON: {error}") from error
-        return cls.from_document(document, str(path), georeference)
+        return cls.from_document(load_document(path), str(path), georeference)
 
     @classmethod
     def from_document(cls, document: Any, source: str, georeference: Georeference | None = None) -> ParkingMap:
         """Spots of a parsed GeoJSON document; `source` names it in errors."""
-        if not isinstance(document, dict) or not isinstance(document.get("features"), list) or not document["features"]:
-            raise MapFileError(f"{source}: expected a GeoJSON FeatureCollection with at least one spot")
-        rings = [_outer_ring(feature, source, i) for i, feature in enumerate(document["features"])]
-        member = document.get("georeference")
-        heading = None
-        if isinstance(member, dict):
-            georeference = georeference or _read_georeference(member, source)
-            heading = member.get("heading_deg")
-        georeference = georeference or Georeference(float(rings[0][0, 1]), float(rings[0][0, 0]))
-        spots = []
-        for i, (feature, ring) in enumerate(zip(document["features"], rings, strict=True)):
-            polygon = Polygon(georeference.to_map(ring)[:, :2])
-            if not polygon.is_valid or polygon.area <= 0:
-                raise MapFileError(f"{source}: feature {i}: the polygon crosses itself or has no area")
-            properties = feature.get("properties") or {}
-            spot_id = str(properties.get("spot_id") or feature.get("id") or i)
-            spots.append(ParkingSpot(spot_id, polygon, str(properties.get("kind") or "unknown")))
-        return cls(tuple(spots), georeference, None if heading is None else float(np.radians(float(heading))))
+        return cls.from_drawn(read_drawn_spots(document, source, georeference), source)
 
+    @classmethod
+    def from_drawn(cls, drawn: DrawnSpots, source: str) -> ParkingMap:
+        """Spots that somebody drew; raises `MapFileError` unless each is a simple polygon with an id of its own."""
+        outlines = drawn.outlines
+        wrong = np.flatnonzero(~(shapely.is_valid(outlines) & (shapely.area(outlines) > 0)))
+        if len(wrong):
+            raise MapFileError(f"{source}: feature {wrong[0]}: the polygon crosses itself or has no area")
+        spots = tuple(ParkingSpot(*row) for row in zip(drawn.ids, outlines.tolist(), drawn.kinds, strict=True))
+        return cls(spots, drawn.georeference, drawn.heading_rad)
 
-def _outer_ring(feature: Any, source: str, index: int) -> NDArray[np.float64]:
-    """Outer ring (N, 2) in lon, lat degrees of one GeoJSON feature."""
-    try:
-        geometry = feature["geometry"]
-        if geometry["type"] != "Polygon":
-            raise MapFileError(f"{source}: feature {index}: a spot is a Polygon, not a {geometry['type']}")
-        ring = np.array([point[:2] for point in geometry["coordinates"][0]], dtype=np.float64)
-    except (KeyError, TypeError, IndexError, ValueError) as error:
-        raise MapFileError(f"{source}: feature {index}: not a GeoJSON polygon feature") from error
-    if ring.ndim != 2 or len(ring) < 4 or not np.isfinite(ring).all() or (np.abs(ring) > [180.0, 90.0]).any():
-        raise MapFileError(f"{source}: feature {index}: a ring needs four lon, lat positions or more, in degrees")
-    return ring
-
-
-def _read_georeference(member: dict[str, Any], source: str) -> Georeference:
-    try:
-        return Georeference(float(member["lat"]), float(member["lon"]), float(member.get("altitude_m", 0.0)))
-    except (KeyError, TypeError, ValueError) as error:
-        raise MapFileError(f"{source}: georeference: needs numbers lat and lon in degrees") from error
+    @property
+    def drawn(self) -> DrawnSpots:
+        """The spots as they would be drawn anew, rings counter-clockwise (RFC 7946, sec. 3.1.6)."""
+        outlines = shapely.orient_polygons(np.array([spot.polygon for spot in self.spots], dtype=np.object_))
+        points, owner = shapely.get_coordinates(shapely.get_exterior_ring(outlines), return_index=True)
+        starts = np.flatnonzero(np.diff(owner)) + 1
+        rings = np.split(self.georeference.to_lon_lat(points), starts) if self.spots else []
+        ids, kinds = tuple(spot.id for spot in self.spots), tuple(spot.kind for spot in self.spots)
+        return DrawnSpots(ids, kinds, tuple(rings), self.georeference, self.survey_heading_rad)

@@ -43,7 +43,7 @@ class Site:
 
 
 @contextmanager
-def running(path, tokens=None, limit=None, street=STREET, admit=None, streets=None):
+def running(path, tokens=None, limit=None, street=STREET, admit=None, **parts):
     """A service in a thread of this process."""
     store = SqliteStore(path)
     journal = PassJournal()
@@ -51,7 +51,7 @@ def running(path, tokens=None, limit=None, street=STREET, admit=None, streets=No
     listening = listening_socket("127.0.0.1", 0)
     site = Site(f"http://127.0.0.1:{listening.getsockname()[1]}", durable, street)
     app = create_app(
-        durable, street.parking_map, Guard(tokens, limit), lambda: site.now, journal, surveyed_at=500.0, streets=streets
+        durable, street.parking_map, Guard(tokens, limit), lambda: site.now, journal, surveyed_at=500.0, **parts
     )
     server = WebServer(app)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})

@@ -10,6 +10,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from autowaze.world.parking import Occupancy, SpotState
 
 DWELL_S = 3600.0
@@ -32,6 +35,11 @@ class Evidence(NamedTuple):
     observed_at: float
     log_odds: float
     reason: str
+
+
+def faded_probability(vacant: NDArray[np.float64], elapsed_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Probability (N,) of being vacant a time (N,) after it was `vacant` (N,), without evidence; as `fade`."""
+    return np.asarray(0.5 + (vacant - 0.5) * np.exp(-2.0 * np.maximum(elapsed_s, 0.0) / DWELL_S))
 
 
 def fade(log_odds: float, elapsed_s: float) -> float:

@@ -14,15 +14,12 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Header, Query, WebSocket, WebSocketDisconnect
 from fastapi.responses import StreamingResponse
 
-from autowaze.cloud.api.problems import ProblemError, problems
+from autowaze.cloud.api.listeners import Listeners
+from autowaze.cloud.api.problems import problems
 from autowaze.cloud.broadcast import Update
 
 KEPT_EVENTS = 4096
-MOST_UNREAD = 1024
-"""Events that a listener may lag behind; one that is slower is let go, and comes back from where it was."""
 MOST_LISTENERS = 1000
-QUIET_S = 15.0
-"""After so long without an event a sign of life is sent, so that proxies keep the connection."""
 
 _Version = Annotated[int | None, Query(ge=0, lt=1 << 63, description="Version of the map that the client has seen.")]
 
@@ -33,6 +30,7 @@ class Event:
 
     Attributes:
         kind: `spots`: these spots changed. `current`: nothing was missed. `reset`: fetch all spots, some were missed.
+            `parking_map`: spots were drawn anew, fetch them all.
     """
 
     version: int
@@ -54,8 +52,7 @@ class ChangeFeed:
     def __init__(self, version: int) -> None:
         self._version = self._complete_since = version
         self._events: deque[Event] = deque(maxlen=KEPT_EVENTS)
-        self._listeners: set[asyncio.Queue[Event | None]] = set()
-        self._closed = False
+        self.listeners: Listeners[Event] = Listeners(MOST_LISTENERS)
 
     def publish(self, update: Update) -> None:
         """Tell everyone which spots an update changed."""
@@ -71,63 +68,34 @@ class ChangeFeed:
             }
             for state in update.spots
         ]
-        event = Event(update.version, "spots", json.dumps({"spots": spots}, separators=(",", ":")))
-        if len(self._events) == KEPT_EVENTS:
-            self._complete_since = self._events[0].version
-        self._events.append(event)
-        for listener in list(self._listeners):
-            self._pass_on(listener, event)
+        self._tell(Event(update.version, "spots", json.dumps({"spots": spots}, separators=(",", ":"))))
 
-    async def listen(self, since: int | None) -> AsyncIterator[Event | None]:
+    def announce_parking_map(self, version: int) -> None:
+        """Tell everyone that spots were drawn anew; `version` is that of the parking map."""
+        self._tell(Event(self._version, "parking_map", json.dumps({"version": version})))
+
+    def listen(self, since: int | None) -> AsyncIterator[Event | None]:
         """Events from now on, after those missed since a version; None when all is quiet; ends when it must."""
-        if self._closed:
-            return
-        inbox: asyncio.Queue[Event | None] = asyncio.Queue(MOST_UNREAD)
-        self._listeners.add(inbox)
-        try:
-            for event in self._missed(since):
-                yield event
-            while True:
-                try:
-                    next_event = await asyncio.wait_for(inbox.get(), QUIET_S)
-                except TimeoutError:
-                    yield None
-                    continue
-                if next_event is None:
-                    return
-                yield next_event
-        finally:
-            self._listeners.discard(inbox)
+        return self.listeners.listen(lambda: self._missed(since))
 
     def close(self) -> None:
         """Let every listener go, and those who come."""
-        self._closed = True
-        for listener in list(self._listeners):
-            self._let_go(listener)
+        self.listeners.close()
 
-    @property
-    def listeners(self) -> int:
-        """How many listen."""
-        return len(self._listeners)
+    def _tell(self, event: Event) -> None:
+        if len(self._events) == KEPT_EVENTS:
+            self._complete_since = self._events[0].version
+        self._events.append(event)
+        self.listeners.tell(event)
 
     def _missed(self, since: int | None) -> list[Event]:
-        if since is None or since == self._version:
+        if since is None:
             return [Event(self._version, "current", "{}")]
-        if not self._complete_since <= since < self._version:
+        if not self._complete_since <= since <= self._version:
             return [Event(self._version, "reset", "{}")]
-        return [event for event in self._events if event.version > since]
-
-    def _pass_on(self, listener: asyncio.Queue[Event | None], event: Event) -> None:
-        try:
-            listener.put_nowait(event)
-        except asyncio.QueueFull:
-            self._let_go(listener)
-
-    def _let_go(self, listener: asyncio.Queue[Event | None]) -> None:
-        self._listeners.discard(listener)
-        while not listener.empty():
-            listener.get_nowait()
-        listener.put_nowait(None)
+        # The parking map changes between versions: whoever has this one may not have heard of it.
+        missed = [e for e in self._events if e.version > since or (e.version == since and e.kind == "parking_map")]
+        return missed or [Event(self._version, "current", "{}")]
 
 
 def change_routes(feed: ChangeFeed) -> APIRouter:
@@ -138,7 +106,10 @@ def change_routes(feed: ChangeFeed) -> APIRouter:
         "/changes",
         response_class=StreamingResponse,
         responses={
-            200: {"content": {"text/event-stream": {}}, "description": "Events `spots`, `current` and `reset`"},
+            200: {
+                "content": {"text/event-stream": {}},
+                "description": "Events `spots`, `current`, `reset`, `parking_map`",
+            },
             **problems(HTTPStatus.BAD_REQUEST, HTTPStatus.SERVICE_UNAVAILABLE),
         },
     )
@@ -146,8 +117,7 @@ def change_routes(feed: ChangeFeed) -> APIRouter:
         since: _Version = None, last_event_id: Annotated[str | None, Header(max_length=20)] = None
     ) -> StreamingResponse:
         """Changes of spots as they happen; a browser's EventSource resumes by itself."""
-        if feed.listeners >= MOST_LISTENERS:
-            raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, "busy", "too many listen already: come back later")
+        feed.listeners.require_room()
         resumed = int(last_event_id) if last_event_id and last_event_id.isdecimal() else since
 
         async def lines() -> AsyncIterator[str]:
@@ -158,7 +128,7 @@ def change_routes(feed: ChangeFeed) -> APIRouter:
 
     @router.websocket("/changes/ws")
     async def follow_by_socket(socket: WebSocket, since: _Version = None) -> None:
-        if feed.listeners >= MOST_LISTENERS:
+        if feed.listeners.is_full:
             await socket.close(code=1013, reason="too many listen already")
             return
         await socket.accept()

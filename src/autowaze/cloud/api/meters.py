@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from autowaze.cloud.service import CloudService
 from autowaze.world.parking import Occupancy
 
 DELAY_BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0)
+RECENT_S = 60.0
+MOST_RECENT = 1 << 15
+"""Diffs of the last minute that are remembered one by one."""
+
+
+@dataclass(frozen=True)
+class RecentDiffs:
+    """The diffs of the last minute."""
+
+    per_second: float
+    delays_ms: list[float]
 
 
 @dataclass
@@ -20,6 +32,7 @@ class Meters:
         accepted, repeated, refused: diffs by what became of them.
         received_bytes: of those that were taken in, repeated ones included.
         delays: diffs by the first bound that their delay, from arrival to durable and broadcast, did not pass.
+        clock: monotonic seconds.
     """
 
     accepted: int = 0
@@ -28,6 +41,11 @@ class Meters:
     received_bytes: int = 0
     delay_sum_s: float = 0.0
     delays: list[int] = field(default_factory=lambda: [0] * (len(DELAY_BOUNDS_S) + 1))
+    clock: Callable[[], float] = time.monotonic
+    _newest: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=MOST_RECENT))
+
+    def __post_init__(self) -> None:
+        self._started = self.clock()
 
     def taken_in(self, accepted: bool, size: int, delay_s: float) -> None:
         """Count a diff that was taken in, or had been before."""
@@ -36,6 +54,13 @@ class Meters:
         self.received_bytes += size
         self.delay_sum_s += delay_s
         self.delays[sum(delay_s > bound for bound in DELAY_BOUNDS_S)] += 1
+        self._newest.append((self.clock(), 1000 * delay_s))
+
+    def recent(self, now: float) -> RecentDiffs:
+        """What was taken in during the last minute before now, or since the start if that is less long ago."""
+        newest = [(at, delay_ms) for at, delay_ms in self._newest if at > now - RECENT_S]
+        since = max(now - RECENT_S, self._started, newest[0][0] if len(newest) == MOST_RECENT else self._started)
+        return RecentDiffs(len(newest) / max(now - since, 1.0), [delay_ms for _, delay_ms in newest])
 
 
 @dataclass(frozen=True)

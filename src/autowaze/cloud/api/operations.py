@@ -42,7 +42,7 @@ def operation_routes(intake: Intake, feed: ChangeFeed, meters: Meters) -> APIRou
     async def metrics() -> Response:
         """Prometheus metrics."""
         figures = await intake.ask(ServiceFigures.of)
-        text = exposition(meters, figures, intake.waiting, feed.listeners)
+        text = exposition(meters, figures, intake.waiting, len(feed.listeners))
         return Response(text, media_type="text/plain; version=0.0.4; charset=utf-8")
 
     return router

@@ -3,19 +3,75 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from autowaze.cloud.api.intake import Intake
+from autowaze.cloud.belief import DECIDED, aged, faded_probability
 from autowaze.cloud.occupancy import vacant_rectangles
 from autowaze.cloud.service import CloudService
 from autowaze.world.parking import Occupancy, ParkingMap, SpotState
 
 Rectangle = dict[str, float]
+
+
+class FadingStates(Sequence[SpotState]):
+    """States as believed at a time, each worked out when it is looked at: a city has many, a client wants few.
+
+    Args:
+        as_observed: states when last observed.
+        now: seconds since the epoch (UTC).
+        fades: whether beliefs fade; those of methods without belief do not.
+    """
+
+    def __init__(self, as_observed: Sequence[SpotState], now: float, fades: bool) -> None:
+        self._as_observed = as_observed
+        self._now = now
+        self.fades = fades
+
+    def __len__(self) -> int:
+        return len(self._as_observed)
+
+    @overload
+    def __getitem__(self, row: int) -> SpotState: ...
+    @overload
+    def __getitem__(self, row: slice) -> FadingStates: ...
+    def __getitem__(self, row: int | slice) -> SpotState | FadingStates:
+        if isinstance(row, slice):
+            return FadingStates(self._as_observed[row], self._now, self.fades)
+        state = self._as_observed[row]
+        return aged(state, self._now) if self.fades else state
+
+    def probabilities(self, rows: NDArray[np.int64], later_s: float = 0.0) -> NDArray[np.float64]:
+        """Probability (N,) that each of the spots (N,) is vacant some seconds from now."""
+        states = [self._as_observed[row] for row in rows.tolist()]
+        vacant = np.array([state.probability_vacant for state in states], dtype=np.float64)
+        if not self.fades and later_s == 0.0:
+            return vacant
+        observed_at = [self._now if state.observed_at is None else state.observed_at for state in states]
+        since = self._now - np.array(observed_at) if self.fades else np.zeros(len(states))
+        return faded_probability(vacant, np.maximum(since, 0.0) + later_s)
+
+    def observed_at(self, rows: NDArray[np.int64]) -> list[float | None]:
+        """When each of the spots (N,) was last observed, seconds since the epoch (UTC)."""
+        return [self._as_observed[row].observed_at for row in rows.tolist()]
+
+    def counts(self) -> dict[Occupancy, int]:
+        """How many spots are in each state."""
+        if not self.fades:
+            found = Counter(state.occupancy for state in self._as_observed)
+            return {state: found[state] for state in Occupancy}
+        seen = np.flatnonzero([state.observed_at is not None for state in self._as_observed])
+        vacant = self.probabilities(seen)
+        free, taken = int((vacant >= DECIDED).sum()), int((1.0 - vacant >= DECIDED).sum())
+        unknown = len(self) - free - taken
+        return {Occupancy.VACANT: free, Occupancy.OCCUPIED: taken, Occupancy.UNKNOWN: unknown}
 
 
 @dataclass(frozen=True)
@@ -28,7 +84,7 @@ class BelievedSpots:
         version: of the map that they follow from.
     """
 
-    states: Sequence[SpotState]
+    states: FadingStates
     now: float
     version: int
 
@@ -92,7 +148,7 @@ class SpotBook:
             now = max((s.observed_at for s in service.states if s.observed_at is not None), default=0.0)
         else:
             now = self._clock()
-        return BelievedSpots(service.states_at(now), now, service.map.version)
+        return BelievedSpots(FadingStates(service.states, now, service.method.belief), now, service.map.version)
 
     def _rounded(self) -> Any:
         # A centimetre; RFC 7946, sec. 11.2 asks for no more digits than are meant.

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
-from autowaze.cloud.spots import SpotIndex, cell_codes
+from autowaze.cloud.spots import SpotIndex, cell_codes, raster_of, without_row
 from autowaze.world.ground import CELL_M, GroundCells
 from autowaze.world.map_diff import SemanticMapDiff
 
@@ -68,6 +69,35 @@ class GroundVotes:
         """Share of the spot's cells that any window saw, 0..1."""
         seen = [window.free | window.obstacle for window in self.windows(spot)]
         return float(np.mean(np.bitwise_or.reduce(seen) > 0)) if seen else 0.0
+
+    def seen_in(self, polygon: shapely.Polygon) -> list[WindowVotes]:
+        """What is kept of the ground in any outline, oldest first: all that the spots there know of it."""
+        codes = raster_of(polygon).codes
+        windows: dict[tuple[float, int, int], WindowVotes] = {}
+        for spot in self._spots.around(np.array(polygon.bounds)).tolist():
+            own = self._spots.raster(spot).codes
+            if len(own) == 0:
+                continue
+            row = np.searchsorted(own, codes).clip(max=len(own) - 1)
+            hit = own[row] == codes
+            for window in self.windows(spot):
+                nothing = np.zeros(len(codes), np.uint8)
+                known = windows.get(window.key, window._replace(free=nothing, obstacle=nothing))
+                free, obstacle = (
+                    np.maximum(known.free, window.free[row] * hit),
+                    np.maximum(known.obstacle, window.obstacle[row] * hit),
+                )
+                if (free | obstacle).any():
+                    windows[window.key] = known._replace(free=free, obstacle=obstacle)
+        return [windows[key] for key in sorted(windows)][-MAX_WINDOWS:]
+
+    def drawn(self, spot: int, windows: list[WindowVotes]) -> None:
+        """Keep these windows of a spot that was drawn anew, oldest first."""
+        self._windows[spot] = windows
+
+    def erased(self, spot: int) -> None:
+        """Forget a spot; later ones move up by one."""
+        self._windows = without_row(self._windows, spot)
 
     def _note(self, spot: int, window: WindowVotes) -> None:
         kept = [*self._windows.get(spot, []), window]

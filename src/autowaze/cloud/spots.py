@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from autowaze.world.ground import CELL_M
-from autowaze.world.parking import ParkingMap
+from autowaze.world.parking import ParkingMap, ParkingSpot
 
 _CODE_SHIFT = 32
+_Item = TypeVar("_Item")
 MARGIN_M = 0.35
 """Along the edges of a spot the ground says little: a car may be off that far, and vehicles next door lean over."""
 
@@ -32,29 +32,87 @@ class SpotRaster(NamedTuple):
 
 
 class SpotIndex:
-    """Spots with an R-tree over them; spots are named by their row in the parking map.
+    """Spots with an R-tree over them; spots are named by their row.
 
     Attributes:
-        ids: the spots' ids.
+        georeference: origin of the map frame.
+        ids, kinds: of the spots, by row.
+        row_of: row of each id.
         polygons: (S,) shapely polygons in map metres.
+        bounds: (S, 4) metres, x0, y0, x1, y1.
         centre: (S, 2) metres.
         length, width: (S,) metres, sides of the smallest rectangle around each spot.
         heading: (S,) compass heading of the longer side in radians: how a vehicle stands in it.
-        tree: R-tree over `polygons`.
     """
 
     def __init__(self, parking_map: ParkingMap) -> None:
-        self.ids = tuple(spot.id for spot in parking_map.spots)
+        self.georeference = parking_map.georeference
+        self.survey_heading_rad = parking_map.survey_heading_rad
+        self.ids = [spot.id for spot in parking_map.spots]
+        self.kinds = [spot.kind for spot in parking_map.spots]
+        self.row_of = {spot_id: row for row, spot_id in enumerate(self.ids)}
         self.polygons = np.array([spot.polygon for spot in parking_map.spots], dtype=np.object_)
-        self.tree = shapely.STRtree(self.polygons)
-        self.centre = np.column_stack([shapely.get_x(c := shapely.centroid(self.polygons)), shapely.get_y(c)])
-        corners = np.stack([ring[:4] for ring in _rectangles(self.polygons)]).reshape(-1, 4, 2)
-        first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 1]
-        sides = np.stack([np.hypot(*first.T), np.hypot(*second.T)])
-        self.length, self.width = sides.max(axis=0), sides.min(axis=0)
-        longer = np.where((sides[0] >= sides[1])[:, None], first, second)
-        self.heading = np.arctan2(longer[:, 0], longer[:, 1]) % np.pi
-        self.raster = cache(self._raster)
+        self.bounds, self.centre, self.length, self.width, self.heading = _measured(self.polygons)
+        self._rasters: dict[int, SpotRaster] = {}
+        self._tree: shapely.STRtree | None = shapely.STRtree(self.polygons)
+
+    @property
+    def tree(self) -> shapely.STRtree:
+        """R-tree over `polygons`."""
+        if self._tree is None:
+            self._tree = shapely.STRtree(self.polygons)
+        return self._tree
+
+    @property
+    def parking_map(self) -> ParkingMap:
+        """The spots as a parking map."""
+        spots = zip(self.ids, self.polygons.tolist(), self.kinds, strict=True)
+        return ParkingMap(tuple(ParkingSpot(*spot) for spot in spots), self.georeference, self.survey_heading_rad)
+
+    def draw(self, spot: ParkingSpot) -> int:
+        """Put a spot in the place of the one with its id, else after all others; returns its row."""
+        row = self.row_of.setdefault(spot.id, len(self.ids))
+        columns = self._columns()
+        if row == len(self.ids):
+            self.ids.append(spot.id)
+            self.kinds.append(spot.kind)
+            columns = [np.concatenate([column, column[:1]]) for column in columns]
+        else:
+            columns = [column.copy() for column in columns]
+        polygon = np.array([spot.polygon], dtype=np.object_)
+        for column, value in zip(columns, (polygon, *_measured(polygon)), strict=True):
+            column[row] = value[0]
+        self.kinds[row] = spot.kind
+        self._rasters.pop(row, None)
+        self._adopt(columns)
+        return row
+
+    def erase(self, spot_id: str) -> int:
+        """Take a spot away; returns the row that it had. Later ones move up by one."""
+        row = self.row_of[spot_id]
+        del self.ids[row], self.kinds[row]
+        self.row_of = {spot_id: row for row, spot_id in enumerate(self.ids)}
+        self._rasters = without_row(self._rasters, row)
+        self._adopt([np.delete(column, row, axis=0) for column in self._columns()])
+        return row
+
+    def _columns(self) -> list[NDArray[Any]]:
+        return [self.polygons, self.bounds, self.centre, self.length, self.width, self.heading]
+
+    def _adopt(self, columns: list[NDArray[Any]]) -> None:
+        self.polygons, self.bounds, self.centre, self.length, self.width, self.heading = columns
+        self._tree = None
+
+    def raster(self, spot: int) -> SpotRaster:
+        """The ground cells of a spot."""
+        if spot not in self._rasters:
+            self._rasters[spot] = raster_of(self.polygons[spot])
+        return self._rasters[spot]
+
+    def around(self, bounds: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Spots (N,) whose bounds meet a rectangle (4,), sorted; needs no tree."""
+        low, high = self.bounds[:, :2], self.bounds[:, 2:]
+        return np.flatnonzero((low <= bounds[2:]).all(axis=1) & (high >= bounds[:2]).all(axis=1))
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -86,14 +144,21 @@ class SpotIndex:
         found[row[order]] = spot[order]
         return found
 
-    def _raster(self, spot: int) -> SpotRaster:
-        x0, y0, x1, y1 = np.floor(np.array(self.polygons[spot].bounds) / CELL_M).astype(np.int64)
-        ix, iy = (axis.ravel() for axis in np.meshgrid(np.arange(x0, x1 + 1), np.arange(y0, y1 + 1), indexing="xy"))
-        x, y = (ix + 0.5) * CELL_M, (iy + 0.5) * CELL_M
-        inside = shapely.contains_xy(self.polygons[spot], x, y)
-        core = shapely.contains_xy(shapely.buffer(self.polygons[spot], -MARGIN_M), x[inside], y[inside])
-        centre = np.stack([x[inside], y[inside]], axis=1)
-        return SpotRaster(cell_codes(ix[inside], iy[inside]), centre, core if core.any() else np.ones_like(core))
+
+def raster_of(polygon: shapely.Polygon) -> SpotRaster:
+    """The ground cells of an outline in map metres."""
+    x0, y0, x1, y1 = np.floor(np.array(polygon.bounds) / CELL_M).astype(np.int64)
+    ix, iy = (axis.ravel() for axis in np.meshgrid(np.arange(x0, x1 + 1), np.arange(y0, y1 + 1), indexing="xy"))
+    x, y = (ix + 0.5) * CELL_M, (iy + 0.5) * CELL_M
+    inside = shapely.contains_xy(polygon, x, y)
+    core = shapely.contains_xy(shapely.buffer(polygon, -MARGIN_M), x[inside], y[inside])
+    centre = np.stack([x[inside], y[inside]], axis=1)
+    return SpotRaster(cell_codes(ix[inside], iy[inside]), centre, core if core.any() else np.ones_like(core))
+
+
+def without_row(items: dict[int, _Item], gone: int) -> dict[int, _Item]:
+    """Items by row after one row went and the later ones moved up."""
+    return {row - (row > gone): item for row, item in items.items() if row != gone}
 
 
 def cell_codes(ix: NDArray[np.integer], iy: NDArray[np.integer]) -> NDArray[np.int64]:
@@ -101,5 +166,13 @@ def cell_codes(ix: NDArray[np.integer], iy: NDArray[np.integer]) -> NDArray[np.i
     return (np.asarray(iy, dtype=np.int64) << _CODE_SHIFT) + np.asarray(ix, dtype=np.int64)
 
 
-def _rectangles(polygons: NDArray[np.object_]) -> list[NDArray[np.float64]]:
-    return [shapely.get_coordinates(p) for p in shapely.minimum_rotated_rectangle(polygons)]
+def _measured(polygons: NDArray[np.object_]) -> tuple[NDArray[np.float64], ...]:
+    """Bounds (N, 4), centre (N, 2), length, width and heading (N,) of outlines."""
+    centre = np.column_stack([shapely.get_x(c := shapely.centroid(polygons)), shapely.get_y(c)])
+    rectangles = shapely.minimum_rotated_rectangle(polygons)
+    corners = np.array([shapely.get_coordinates(p)[:4] for p in rectangles]).reshape(-1, 4, 2)
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 1]
+    sides = np.stack([np.hypot(*first.T), np.hypot(*second.T)])
+    longer = np.where((sides[0] >= sides[1])[:, None], first, second)
+    heading = np.arctan2(longer[:, 0], longer[:, 1]) % np.pi
+    return shapely.bounds(polygons), centre, sides.max(axis=0), sides.min(axis=0), heading

@@ -11,7 +11,8 @@ BIN := .venv/bin
 	@touch $@
 
 # The simulator draws with OpenGL on EGL; Debian has it in three packages. The tests start brokers of their own.
-SYSTEM_PACKAGES := libegl1 libgl1 libgl1-mesa-dri mosquitto nats-server
+SYSTEM_PACKAGES := libegl1 libgl1 libgl1-mesa-dri mosquitto nats-server \
+	postgresql-15 postgresql-15-postgis-3
 
 system:  ## system packages, where they are missing
 	@missing=$$(for p in $(SYSTEM_PACKAGES); do dpkg -s $$p >/dev/null 2>&1 || echo $$p; done); \

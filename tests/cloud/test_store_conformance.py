@@ -1,6 +1,10 @@
 """What every store promises, whichever database it lies in."""
 
+import itertools
+
 import pytest
+from postgres_server import PostgresServer
+from street import Street
 
 from autowaze.cloud.store import Accepted, AuditEntry, StoreError, open_store, open_tokens
 from autowaze.cloud.store.tokens import Scope
@@ -119,11 +123,11 @@ class Conformance:
         assert store.commit([diff(2)], []) == 3
 
     def test_tokens_lie_in_the_same_database(self, store, address):
-        tokens = open_tokens(address, clock=lambda: 5.0)
+        tokens, others = open_tokens(address, clock=lambda: 5.0), open_tokens(address)
         secret = tokens.add("car-1", frozenset({Scope.DIFFS, Scope.OPERATOR}))
         with pytest.raises(StoreError, match="another name"):
             tokens.add("car-1", frozenset({Scope.DIFFS}))
-        known = open_tokens(address).find(secret)
+        known = others.find(secret)
         assert (known.name, known.scopes, known.created_at) == ("car-1", {Scope.DIFFS, Scope.OPERATOR}, 5.0)
         assert known.allows(Scope.MAP)
         tokens.revoke("car-1")
@@ -132,9 +136,59 @@ class Conformance:
             tokens.revoke("car-1")
         assert [token.revoked_at for token in tokens.all()] == [5.0]
         assert store.commit([diff(0)], []) == 1
+        tokens.close()
+        others.close()
 
 
 class TestSqlite(Conformance):
     @pytest.fixture
     def address(self, tmp_path):
         return tmp_path / "cloud.db"
+
+
+@pytest.fixture(scope="module")
+def server():
+    server = PostgresServer()
+    yield server
+    server.remove()
+
+
+class TestPostgres(Conformance):
+    numbers = itertools.count()
+
+    @pytest.fixture
+    def address(self, server):
+        return server.make(f"cloud_{next(self.numbers)}")
+
+    def test_spots_are_a_layer_for_gis_tools(self, store):
+        parking_map = Street(count=3).parking_map
+        store.survey(parking_map)
+        store.survey(parking_map)
+        store.commit([diff(0)], [state("S1")])
+        lon_lat = parking_map.georeference.to_lon_lat(parking_map.spots[1].centre[None])[0]
+        rows = store._side.execute(
+            "SELECT spot_id, state, ST_Area(outline::geography) FROM parking_spots "
+            "WHERE ST_Contains(outline, ST_SetSRID(ST_Point(?, ?), 4326))",
+            lon_lat.tolist(),
+        )
+        assert [(spot_id, state) for spot_id, state, _ in rows] == [("S1", "vacant")]
+        assert rows[0][2] == pytest.approx(parking_map.spots[1].polygon.area, rel=0.01)
+        assert len(store._side.execute("SELECT * FROM parking_spots WHERE state = 'unknown'")) == 2
+
+    def test_a_server_that_is_away_is_named_and_comes_back(self, store, server):
+        store.commit([diff(0)], [state("a")])
+        server.stop()
+        try:
+            with pytest.raises(StoreError, match="does not answer"):
+                store.commit([diff(1)], [state("b")])
+            with pytest.raises(StoreError, match="does not answer"):
+                store.spots()
+        finally:
+            server.start()
+        assert store.spots() == [state("a")]
+        assert store.commit([diff(1)], [state("b")]) == 2
+
+    def test_errors_keep_the_password_to_themselves(self):
+        with pytest.raises(StoreError, match="cars@localhost") as raised:
+            open_store("postgresql://cars:opensesame@localhost:1/cloud")
+        assert "opensesame" not in str(raised.value)

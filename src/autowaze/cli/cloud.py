@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -16,8 +17,8 @@ from autowaze.cloud.admission import TimelyAdmission
 from autowaze.cloud.durable import DurableService
 from autowaze.cloud.passes import PassJournal
 from autowaze.cloud.service import CloudService
-from autowaze.cloud.store import SqliteStore
-from autowaze.cloud.store.tokens import Scope, TokenRegister
+from autowaze.cloud.store import open_store, open_tokens
+from autowaze.cloud.store.tokens import Scope
 from autowaze.world.broker import BrokerAddress
 from autowaze.world.errors import AutowazeError
 from autowaze.world.map_file import load_map
@@ -28,8 +29,14 @@ app = typer.Typer(invoke_without_command=True, rich_markup_mode="markdown")
 token = typer.Typer(no_args_is_help=True, help="Tokens that let cars hand in diffs and fetch the map.")
 app.add_typer(token, name="token")
 
-Store = Annotated[Path, typer.Option(help="File of accepted diffs, spots and tokens; made if there is none.")]
-DEFAULT_STORE = Path("autowaze.db")
+Store = Annotated[
+    str,
+    typer.Option(
+        help="Where accepted diffs, spots and tokens lie: a file, made if there is none, or postgresql://user@host/db.",
+        envvar="AUTOWAZE_STORE",
+    ),
+]
+DEFAULT_STORE = "autowaze.db"
 DEFAULT_PORT = 8080
 
 
@@ -85,12 +92,13 @@ def cloud(
     base_map = load_map(stored_map) if stored_map else None
     admit = None if replay else TimelyAdmission(time.time)
     listening = listening_socket(host, port)
-    kept = SqliteStore(store)
+    kept = open_store(store)
+    kept.survey(parking_map)
     journal = PassJournal()
     durable = DurableService(
         lambda: CloudService(parking_map, method, base_map), kept, admit=admit, observe=journal.note
     )
-    tokens = None if open_to_all else TokenRegister(store)
+    tokens = None if open_to_all else open_tokens(store)
     site = create_app(
         durable,
         parking_map,
@@ -104,13 +112,15 @@ def cloud(
     )
     server = WebServer(site, certificate, key)
     address = f"{'https' if certificate else 'http'}://{host}:{listening.getsockname()[1]}"
-    console.print(f"{address}  {len(parking_map)} spots, {kept.position} diffs in {store}, method {method}")
+    console.print(f"{address}  {len(parking_map)} spots, {kept.position} diffs in {kept.name}, method {method}")
     if tokens is not None and not any(known.revoked_at is None for known in tokens.all()):
-        console.print(f"no car has a token yet: autowaze cloud token add NAME --store {store}")
+        console.print(f"no car has a token yet: autowaze cloud token add NAME --store {kept.name}")
     try:
         server.run(sockets=[listening])
     finally:
         kept.close()
+        if tokens is not None:
+            tokens.close()
 
 
 @token.command("add")
@@ -120,13 +130,15 @@ def add_token(
     scope: Annotated[list[Scope] | None, typer.Option(help="What it allows; diffs and map by default.")] = None,
 ) -> None:
     """Make a token and print it; it is shown this once."""
-    console.print(TokenRegister(store).add(name, frozenset(scope or (Scope.DIFFS, Scope.MAP))), soft_wrap=True)
+    with closing(open_tokens(store)) as tokens:
+        console.print(tokens.add(name, frozenset(scope or (Scope.DIFFS, Scope.MAP))), soft_wrap=True)
 
 
 @token.command("revoke")
 def revoke_token(name: str, store: Store = DEFAULT_STORE) -> None:
     """Let a token be good no longer, at once."""
-    TokenRegister(store).revoke(name)
+    with closing(open_tokens(store)) as tokens:
+        tokens.revoke(name)
     console.print(f"{name}: revoked")
 
 
@@ -134,7 +146,9 @@ def revoke_token(name: str, store: Store = DEFAULT_STORE) -> None:
 def list_tokens(store: Store = DEFAULT_STORE) -> None:
     """Every token, without its secret."""
     table = Table("name", "scopes", "made", "revoked")
-    for known in TokenRegister(store).all():
+    with closing(open_tokens(store)) as tokens:
+        every = tokens.all()
+    for known in every:
         revoked = "" if known.revoked_at is None else _day(known.revoked_at)
         table.add_row(known.name, ", ".join(sorted(known.scopes)), _day(known.created_at), revoked)
     console.print(table)

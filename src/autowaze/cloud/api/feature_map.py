@@ -108,8 +108,11 @@ def map_routes(intake: Intake) -> APIRouter:
     @router.get(
         f"/map/tiles/{TILE_ZOOM}/{{x}}/{{y}}",
         response_class=Response,
-        responses={200: _BYTES, 304: {"description": "Not modified"}}
-        | problems(HTTPStatus.BAD_REQUEST, HTTPStatus.GONE),
+        responses={
+            200: _BYTES,
+            304: {"description": "Not modified"},
+            **problems(HTTPStatus.BAD_REQUEST, HTTPStatus.GONE),
+        },
     )
     async def tile_update(
         x: _Column,

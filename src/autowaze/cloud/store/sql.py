@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 from autowaze.cloud.store.database import ClashError, Database, StoreError
 from autowaze.cloud.store.store import Accepted, AuditEntry, SpotChange
-from autowaze.world.parking import Occupancy, SpotState
+from autowaze.world.parking import Occupancy, ParkingMap, SpotState
 
 _ROWS_AT_ONCE = 256
 _UPSERT = (
@@ -19,6 +19,8 @@ _NEWEST = (
     "(SELECT number FROM history WHERE history.spot = spot_names.spot AND received_at <= ? "
     "ORDER BY received_at DESC, number DESC LIMIT 1)"
 )
+_DIFF = "position, session, sequence, received_at, payload"
+_CHANGE = "number, received_at, spot, occupancy, probability_vacant, observed_at"
 _STATE = "spot_id, occupancy, probability_vacant, observed_at"
 
 
@@ -32,6 +34,7 @@ class SqlStore:
     """
 
     def __init__(self, log: Database, side: Database, clock: Callable[[], float] = time.time) -> None:
+        self.name = log.name
         self._log = log
         self._side = side
         self._clock = clock
@@ -46,7 +49,7 @@ class SqlStore:
 
     def log(self, after: int = 0) -> Iterator[Accepted]:
         """Diffs after a position, in order."""
-        query = "SELECT position, session, sequence, received_at, payload FROM diffs WHERE position > ?"
+        query = f"SELECT {_DIFF} FROM diffs WHERE position > ?"
         while rows := self._log.execute(f"{query} ORDER BY position LIMIT {_ROWS_AT_ONCE}", (after,)):
             for position, session, sequence, received_at, payload in rows:
                 after = position
@@ -66,7 +69,7 @@ class SqlStore:
         received_at = max((row[3] for row in numbered), default=self._clock())
         try:
             with self._log.transaction():
-                self._append(numbered)
+                self._log.insert("diffs", _DIFF, numbered)
                 self._upsert(changed)
                 self._note(changed, received_at)
         except ClashError as error:
@@ -136,14 +139,13 @@ class SqlStore:
         )
         return int(rows[0][0])
 
+    def survey(self, parking_map: ParkingMap) -> None:
+        """Nothing: a database without geometry has no use for outlines."""
+
     def close(self) -> None:
         """Let go of both connections."""
         self._side.close()
         self._log.close()
-
-    def _append(self, numbered: list[tuple[int, int, int, float, bytes]]) -> None:
-        query = "INSERT INTO diffs (position, session, sequence, received_at, payload) VALUES (?, ?, ?, ?, ?)"
-        self._log.execute_many(query, numbered)
 
     def _upsert(self, states: list[SpotState]) -> None:
         rows = [(s.spot_id, s.occupancy.value, s.probability_vacant, s.observed_at, s.evidence) for s in states]
@@ -155,7 +157,7 @@ class SqlStore:
             (number, received_at, self._names[s.spot_id], s.occupancy.value, s.probability_vacant, s.observed_at)
             for number, s in enumerate(states, start=self._changes + 1)
         ]
-        self._log.execute_many("INSERT INTO history VALUES (?, ?, ?, ?, ?, ?)", rows)
+        self._log.insert("history", _CHANGE, rows)
 
     def _name(self, spot_ids: list[str]) -> None:
         """Give each spot a number: a history of numbers is a third of the size."""
@@ -163,7 +165,7 @@ class SqlStore:
             self._names = {spot_id: spot for spot, spot_id in self._log.execute("SELECT spot, spot_id FROM spot_names")}
         first = len(self._names) + 1
         new = [(n, spot_id) for n, spot_id in enumerate((s for s in spot_ids if s not in self._names), start=first)]
-        self._log.execute_many("INSERT INTO spot_names (spot, spot_id) VALUES (?, ?)", new)
+        self._log.insert("spot_names", "spot, spot_id", new)
         self._names.update({spot_id: spot for spot, spot_id in new})
 
     def _last(self, table: str, column: str) -> int:

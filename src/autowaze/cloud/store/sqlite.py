@@ -47,6 +47,11 @@ class SqliteDatabase:
         with self._complaining(), self._lock:
             self._connection.executemany(query, rows)
 
+    def insert(self, table: str, columns: str, rows: Iterable[Sequence[Any]]) -> None:
+        """Append many rows to a table."""
+        marks = ", ".join("?" for _ in columns.split(","))
+        self.execute_many(f"INSERT INTO {table} ({columns}) VALUES ({marks})", rows)
+
     @contextmanager
     def transaction(self) -> Iterator[None]:
         """All of the block or nothing."""

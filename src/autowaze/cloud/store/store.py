@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from autowaze.cloud.store.database import StoreError
-from autowaze.world.parking import SpotState
+from autowaze.world.parking import ParkingMap, SpotState
 
 __all__ = ["Accepted", "AuditEntry", "SpotChange", "Store", "StoreError"]
 
@@ -66,7 +66,12 @@ class Store(Protocol):
     """An append-only log of diffs, numbered from 1, and the state of every spot after the last of them.
 
     `log`, `commit` and `replace_spots` belong to one thread; all else may be called from any.
+
+    Attributes:
+        name: where it lies, without secrets.
     """
+
+    name: str
 
     @property
     def position(self) -> int:
@@ -110,6 +115,9 @@ class Store(Protocol):
 
     def save_parking_map(self, geojson: bytes, actor: str) -> int:
         """Keep an edited parking map beside those before it; returns its version, counted from 1."""
+
+    def survey(self, parking_map: ParkingMap) -> None:
+        """Note where the spots lie, where the database can show it to GIS tools."""
 
     def close(self) -> None:
         """Let go of the file or connection."""

@@ -15,6 +15,7 @@ from autowaze.cloud.store.database import ClashError, StoreError
 
 PREFIX = "awz_"
 """Lets scanners of leaked secrets tell what was leaked."""
+_GOOD = "revoked_at IS NULL AND (expires_at IS NULL OR expires_at > ?)"
 
 
 class Scope(StrEnum):
@@ -33,13 +34,16 @@ class Token:
     """What is known of a token; the secret itself is not.
 
     Attributes:
-        created_at, revoked_at: seconds since the epoch (UTC).
+        created_at, revoked_at, expires_at: seconds since the epoch (UTC).
+        old_until: until when the secret before the newest one is good, too.
     """
 
     name: str
     scopes: frozenset[Scope]
     created_at: float
     revoked_at: float | None = None
+    expires_at: float | None = None
+    old_until: float | None = None
 
     def allows(self, scope: Scope) -> bool:
         """Whether it may be used for this; an operator may fetch the map too."""
@@ -61,16 +65,23 @@ class TokenRegister:
         self._database = open_database(address)
         self._clock = clock
 
-    def add(self, name: str, scopes: frozenset[Scope]) -> str:
+    def add(self, name: str, scopes: frozenset[Scope], expires_at: float | None = None) -> str:
         """Make a token and return its secret, which is kept nowhere.
+
+        Args:
+            name: what the car, or the operator, is called.
+            scopes: what it allows.
+            expires_at: seconds since the epoch (UTC) from which on it is good no longer; None for never.
 
         Raises:
             StoreError: the name is taken.
         """
         secret = PREFIX + secrets.token_urlsafe(32)
-        row = (_hashed(secret), name, " ".join(sorted(scopes)), self._clock())
+        row = (_hashed(secret), name, " ".join(sorted(scopes)), self._clock(), expires_at)
         try:
-            self._database.execute("INSERT INTO tokens (hash, name, scopes, created_at) VALUES (?, ?, ?, ?)", row)
+            self._database.execute(
+                "INSERT INTO tokens (hash, name, scopes, created_at, expires_at) VALUES (?, ?, ?, ?, ?)", row
+            )
         except ClashError as error:
             raise StoreError(f"{self._database.name}: there is a token {name!r}: choose another name") from error
         return secret
@@ -84,16 +95,38 @@ class TokenRegister:
         if not done:
             raise StoreError(f"{self._database.name}: no good token {name!r}: see autowaze cloud token list")
 
+    def rotate(self, name: str, grace_s: float = 0.0) -> str:
+        """Give a token a new secret and return it; the one before stays good for a grace period, no older one.
+
+        Raises:
+            StoreError: there is no good token of this name.
+        """
+        secret, now = PREFIX + secrets.token_urlsafe(32), self._clock()
+        done = self._database.execute(
+            f"UPDATE tokens SET old_hash = hash, old_until = ?, hash = ? WHERE name = ? AND {_GOOD} RETURNING name",
+            (now + grace_s, _hashed(secret), name, now),
+        )
+        if not done:
+            raise StoreError(f"{self._database.name}: no good token {name!r}: see autowaze cloud token list")
+        return secret
+
     def find(self, secret: str) -> Token | None:
-        """The good token with this secret."""
-        tokens = self._select("WHERE hash = ? AND revoked_at IS NULL", (_hashed(secret),))
+        """The good token with this secret.
+
+        Looked up by its hash: how long that takes says nothing of a secret, for nobody can choose the hash of a guess.
+        """
+        hashed, now = _hashed(secret), self._clock()
+        tokens = self._select(f"WHERE hash = ? AND {_GOOD}", (hashed, now))
+        tokens = tokens or self._select(f"WHERE old_hash = ? AND old_until > ? AND {_GOOD}", (hashed, now, now))
         return tokens[0] if tokens else None
 
     def hashes(self, beginning: bytes) -> list[bytes]:
         """SHA-256 hashes of the good tokens that begin so; for messages that prove a token without showing it."""
-        query = "SELECT hash FROM tokens WHERE hash >= ? AND hash <= ? AND revoked_at IS NULL"
-        bounds = (beginning.ljust(32, b"\x00"), beginning.ljust(32, b"\xff"))
-        return [bytes(found) for (found,) in self._database.execute(query, bounds)]
+        now, bounds = self._clock(), (beginning.ljust(32, b"\x00"), beginning.ljust(32, b"\xff"))
+        new = f"SELECT hash FROM tokens WHERE hash >= ? AND hash <= ? AND {_GOOD}"
+        old = f"SELECT old_hash FROM tokens WHERE old_hash >= ? AND old_hash <= ? AND old_until > ? AND {_GOOD}"
+        rows = [*self._database.execute(new, (*bounds, now)), *self._database.execute(old, (*bounds, now, now))]
+        return [bytes(found) for (found,) in rows]
 
     def all(self) -> list[Token]:
         """Every token ever made, by name."""
@@ -103,13 +136,11 @@ class TokenRegister:
         """Let go of the database."""
         self._database.close()
 
-    def _select(self, condition: str, parameters: tuple[bytes, ...]) -> list[Token]:
-        rows = self._database.execute(
-            f"SELECT name, scopes, created_at, revoked_at FROM tokens {condition}", parameters
-        )
+    def _select(self, condition: str, parameters: tuple[bytes | float, ...]) -> list[Token]:
+        columns = "name, scopes, created_at, revoked_at, expires_at, old_until"
+        rows = self._database.execute(f"SELECT {columns} FROM tokens {condition}", parameters)
         return [
-            Token(name, frozenset(Scope(scope) for scope in scopes.split()), created, revoked)
-            for name, scopes, created, revoked in rows
+            Token(name, frozenset(Scope(scope) for scope in scopes.split()), *times) for name, scopes, *times in rows
         ]
 
 

@@ -16,6 +16,7 @@ from autowaze.cloud.api.changes import ChangeFeed, change_routes
 from autowaze.cloud.api.diff_desk import DiffDesk
 from autowaze.cloud.api.feature_map import map_routes
 from autowaze.cloud.api.features import feature_routes
+from autowaze.cloud.api.fleet import FleetFeed, fleet_routes
 from autowaze.cloud.api.guard import Guard
 from autowaze.cloud.api.ingest import ingest_routes
 from autowaze.cloud.api.ingest_socket import ingest_socket_routes
@@ -33,6 +34,7 @@ from autowaze.cloud.api.streets import street_routes
 from autowaze.cloud.api.zones import Kerb
 from autowaze.cloud.broadcast import Update
 from autowaze.cloud.durable import DurableService
+from autowaze.cloud.fleet import Fleet
 from autowaze.cloud.passes import PassJournal
 from autowaze.cloud.store.tokens import Scope
 from autowaze.world.broker import BrokerAddress
@@ -80,7 +82,8 @@ def create_app(
     book, kerb = SpotBook(parking_map, intake, clock), Kerb(parking_map)
     events = Events(journal, intake, kerb, book.row_of)
     panel = Panel(book, intake, feed, meters, len(durable.service.map.features))
-    broadcasts.append(panel.note)
+    fleet_feed = FleetFeed(Fleet(clock), parking_map.georeference)
+    broadcasts += [panel.note, fleet_feed.note]
     desk = DiffDesk(intake, guard, meters)
     spots_by_mqtt = MqttBroadcast(book, intake) if broker else None
     if spots_by_mqtt:
@@ -94,11 +97,12 @@ def create_app(
                 await stack.enter_async_context(spots_by_mqtt)
                 await stack.enter_async_context(MqttGateway(broker, desk, guard.tokens, spots_by_mqtt.connected))
             yield
-            feed.close()
+            for listeners in app.state.listeners:
+                listeners.close()
         await intake.close()
 
     app = FastAPI(title="Autowaze", version=__version__, lifespan=lifespan, docs_url=None, redoc_url=None)
-    app.state.feed = feed
+    app.state.listeners = (feed.listeners, fleet_feed.listeners)
     app.include_router(ingest_routes(intake, guard, meters))
     app.include_router(ingest_socket_routes(desk, guard))
     app.include_router(map_routes(intake), dependencies=[Depends(guard.admits(Scope.MAP))])
@@ -107,6 +111,7 @@ def create_app(
     app.include_router(feature_routes(book))
     app.include_router(cds_routes(book, kerb, events, surveyed_at))
     app.include_router(change_routes(feed))
+    app.include_router(fleet_routes(fleet_feed, guard))
     app.include_router(operation_routes(intake, feed, meters))
     app.include_router(stats_routes(panel))
     answer_with_problems(app)

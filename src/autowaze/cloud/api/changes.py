@@ -78,10 +78,6 @@ class ChangeFeed:
         """Events from now on, after those missed since a version; None when all is quiet; ends when it must."""
         return self.listeners.listen(lambda: self._missed(since))
 
-    def close(self) -> None:
-        """Let every listener go, and those who come."""
-        self.listeners.close()
-
     def _tell(self, event: Event) -> None:
         if len(self._events) == KEPT_EVENTS:
             self._complete_since = self._events[0].version

@@ -53,7 +53,7 @@ class WebServer(uvicorn.Server):
             self.config.load()
         except (OSError, ValueError) as error:  # ssl.SSLError is an OSError
             raise AutowazeError(f"{certificate}, {key}: not usable for TLS: {error}") from error
-        self._feed = app.state.feed
+        self._listeners = app.state.listeners
 
     def run(self, sockets: list[socket.socket] | None = None) -> None:
         """Serve until told to stop."""
@@ -72,7 +72,8 @@ class WebServer(uvicorn.Server):
     def stop(self) -> None:
         """Stop soon."""
         self.should_exit = True
-        self._feed.close()
+        for listeners in self._listeners:
+            listeners.close()
 
 
 def listening_socket(host: str, port: int) -> socket.socket:

@@ -121,8 +121,21 @@ class SpotTiles:
     """When spots of each tile last changed."""
 
     def __init__(self, centres: NDArray[np.float64], georeference: Georeference, version: int) -> None:
+        self._georeference = georeference
         self.tiles = [Tile(x, y) for x, y in tiles_of_map(centres, georeference).tolist()]
         self.versions = dict.fromkeys(self.tiles, version)
+
+    def draw(self, spot: int, centre: NDArray[np.float64], version: int) -> None:
+        """Note that a spot was drawn, at the end or in the place of one that was, with its centre (2,)."""
+        x, y = tiles_of_map(centre[None], self._georeference)[0].tolist()
+        self.change([spot] if spot < len(self.tiles) else [], version)
+        self.tiles[spot : spot + 1] = [Tile(x, y)]
+        self.change([spot], version)
+
+    def erase(self, spot: int, version: int) -> None:
+        """Note that a spot was erased; later ones move up by one."""
+        self.change([spot], version)
+        del self.tiles[spot]
 
     def change(self, spots: Iterable[int], version: int) -> tuple[Tile, ...]:
         """Note that these spots changed; returns their tiles, sorted."""

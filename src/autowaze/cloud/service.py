@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.cloud.belief import aged, believe
-from autowaze.cloud.boxes import boxes_of_average_size
+from autowaze.cloud.boxes import ROW_REACH_M, boxes_of_average_size
 from autowaze.cloud.broadcast import ChangeLog, Update
 from autowaze.cloud.clustering import cluster_by_density
 from autowaze.cloud.evidence import evidence_of
@@ -21,6 +21,7 @@ from autowaze.cloud.methods import FUSED, Method, method_named
 from autowaze.cloud.occupancy import vacant_rectangles
 from autowaze.cloud.outliers import remove_outliers
 from autowaze.cloud.scene import VehicleScene
+from autowaze.cloud.spot_edits import SpotEdit
 from autowaze.cloud.spots import SpotIndex
 from autowaze.cloud.two_pass import decide_two_pass
 from autowaze.cloud.validation import check_diff
@@ -87,6 +88,27 @@ class CloudService:
             spot_tiles = self.spot_tiles.change(rows, self.map.version)
             return Update(True, self.map.version, changed, vacant, map_update, diff, size, change.tiles, spot_tiles)
 
+    def edit(self, edit: SpotEdit) -> SpotState | None:
+        """Draw or erase a spot; returns its state, judged by what is known of its ground and the vehicles there.
+
+        The states of all other spots stay as they are.
+        """
+        spot = edit.spot(self.spots.georeference)
+        if spot is None:
+            if edit.spot_id in self.spots.row_of:
+                row = self.spots.erase(edit.spot_id)
+                self.ground.erased(row)
+                self.spot_tiles.erase(row, self.map.version)
+                del self._states[row]
+            return None
+        windows = self.ground.seen_in(spot.polygon)
+        row = self.spots.draw(spot)
+        self.ground.drawn(row, windows)
+        self.spot_tiles.draw(row, self.spots.centre[row], self.map.version)
+        self._turn_vehicles(row)
+        self._states[row : row + 1] = self._decide(np.array([row]))
+        return self._states[row]
+
     @property
     def states(self) -> list[SpotState]:
         """State of every spot, in the order of the parking map."""
@@ -130,6 +152,14 @@ class CloudService:
         before = self.scene.of(old)
         self.scene.replace(old, boxes)
         return self.spots.overlapping(VehicleBoxes.concatenate([before, boxes]).polygons)[1]
+
+    def _turn_vehicles(self, spot: int) -> None:
+        """Draw the boxes around a new spot anew: vehicles stand as the spots next to them do."""
+        around = self.spots.bounds[spot] + np.array([-ROW_REACH_M, -ROW_REACH_M, ROW_REACH_M, ROW_REACH_M])
+        instances = np.unique(self.scene.near(around[None]).group)
+        groups = self._group(instances)
+        groups = remove_outliers(groups) if self.method.outlier_removal else groups
+        self._place(instances, self._draw_boxes(groups))
 
     def _decide(self, spots: NDArray[np.int64]) -> list[SpotState]:
         if not self.method.belief:

@@ -13,6 +13,7 @@ from autowaze import __version__
 from autowaze.cloud.api.cds import cds_routes
 from autowaze.cloud.api.cds_events import Events
 from autowaze.cloud.api.changes import ChangeFeed, change_routes
+from autowaze.cloud.api.dashboard import Dashboard, dashboard_routes
 from autowaze.cloud.api.diff_desk import DiffDesk
 from autowaze.cloud.api.feature_map import map_routes
 from autowaze.cloud.api.features import feature_routes
@@ -84,6 +85,7 @@ def create_app(
     panel = Panel(book, intake, feed, meters, len(durable.service.map.features))
     fleet_feed = FleetFeed(Fleet(clock), parking_map.georeference)
     broadcasts += [panel.note, fleet_feed.note]
+    dashboard = Dashboard()
     desk = DiffDesk(intake, guard, meters)
     spots_by_mqtt = MqttBroadcast(book, intake) if broker else None
     if spots_by_mqtt:
@@ -108,7 +110,8 @@ def create_app(
     app.include_router(map_routes(intake), dependencies=[Depends(guard.admits(Scope.MAP))])
     app.include_router(spot_routes(book))
     app.include_router(street_routes(streets))
-    app.include_router(feature_routes(book))
+    app.include_router(feature_routes(book, dashboard))
+    app.include_router(dashboard_routes(dashboard))
     app.include_router(cds_routes(book, kerb, events, surveyed_at))
     app.include_router(change_routes(feed))
     app.include_router(fleet_routes(fleet_feed, guard))

@@ -13,6 +13,7 @@ from fastapi import APIRouter, Query, Request, Response
 from numpy.typing import NDArray
 
 from autowaze.cloud.api.bounding_box import BBOX, box_asked_for
+from autowaze.cloud.api.dashboard import Dashboard, wants_page
 from autowaze.cloud.api.problems import ProblemError, problems
 from autowaze.cloud.api.spot_book import SpotBook
 from autowaze.cloud.api.spots import GEOJSON, SpotCollection, SpotFeature, json_response
@@ -27,13 +28,20 @@ _OPENAPI = "application/vnd.oai.openapi+json;version=3.0"
 Link = dict[str, str]
 
 
-def feature_routes(book: SpotBook) -> APIRouter:
+def feature_routes(book: SpotBook, dashboard: Dashboard) -> APIRouter:
     """`/`, `/conformance`, `/collections`, `/collections/spots`, its items and each of them."""
     router = APIRouter(tags=["OGC API Features"])
 
-    @router.get("/")
-    async def landing_page(request: Request) -> dict[str, Any]:
-        """Where everything is."""
+    @router.get(
+        "/",
+        response_model=None,
+        responses={200: {"model": dict[str, Any], "content": {"text/html": {}}}, 304: {"description": "Not modified"}},
+    )
+    async def landing_page(request: Request, response: Response) -> dict[str, Any] | Response:
+        """Where everything is; for browsers, and with `?f=html`, the live map."""
+        if wants_page(request):
+            return dashboard.page(request)
+        response.headers["Vary"] = "Accept"
         return {
             "title": "Autowaze",
             "description": "Parking spots and whether they are free, as seen by cars that drive by",

@@ -1,6 +1,7 @@
 ALTER TABLE tokens ADD COLUMN expires_at DOUBLE PRECISION;
 ALTER TABLE tokens ADD COLUMN old_hash BYTEA;
 ALTER TABLE tokens ADD COLUMN old_until DOUBLE PRECISION;
+CREATE INDEX tokens_by_old_hash ON tokens (old_hash);
 CREATE TABLE source_keys (
     day INTEGER PRIMARY KEY,
     secret BYTEA NOT NULL

@@ -137,7 +137,7 @@ class Uplink:
                 self._pause(None)
                 continue
             number, message = item
-            answer = self._transport.hand_in(message)
+            answer = self._try(message)
             self._note(number, answer)
             if answer.outcome is not Outcome.LATER:
                 failures = 0
@@ -145,6 +145,13 @@ class Uplink:
             limit_s = min(FIRST_WAIT_S * 2.0 ** min(failures, 10), LONGEST_WAIT_S)
             failures += 1
             self._pause(answer.wait_s if answer.wait_s is not None else limit_s * (0.5 + 0.5 * self._randomness()))
+
+    def _try(self, message: bytes) -> Answer:
+        try:
+            return self._transport.hand_in(message)
+        except Exception as error:  # whatever a transport does, what lies in the outbox must not be stuck for ever
+            _log.error("the transport failed", exc_info=error)
+            return Answer(Outcome.LATER, f"the transport failed: {error!r}")
 
     def _note(self, number: int, answer: Answer) -> None:
         if answer.outcome is Outcome.LATER:

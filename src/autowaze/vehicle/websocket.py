@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import ssl
+from contextlib import ExitStack
 
 from websockets.exceptions import ConnectionClosed, InvalidURI, WebSocketException
 from websockets.sync.client import ClientConnection, connect
@@ -33,6 +34,7 @@ class WebSocketTransport:
         self._token = checked_token(url, token)
         self._timeout_s = timeout_s
         self._socket: ClientConnection | None = None
+        self._connection = ExitStack()
 
     def hand_in(self, message: bytes) -> Answer:
         """Try once; only an answer that names the very bytes sent is an acknowledgement."""
@@ -58,7 +60,7 @@ class WebSocketTransport:
 
     def _open_socket(self) -> ClientConnection:
         if self._socket is None:
-            self._socket = connect(
+            opening = connect(
                 self.url.rstrip("/") + DIFFS_PATH + "/ws",
                 ssl=ssl.create_default_context() if self.url.startswith("wss:") else None,
                 additional_headers={"Authorization": f"Bearer {self._token}"} if self._token else None,
@@ -68,12 +70,12 @@ class WebSocketTransport:
                 max_size=MOST_BYTES,
                 proxy=None,
             )
+            self._socket = self._connection.enter_context(opening)
         return self._socket
 
     def _drop_socket(self) -> None:
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
+        self._socket = None
+        self._connection.close()
 
 
 def _in_words(error: Exception) -> str:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from autowaze.world.errors import AutowazeError
 from autowaze.world.feature_map import FeatureMap, MapFeatures
+from autowaze.world.georeference import Georeference
 
 
 @dataclass(frozen=True)
@@ -18,12 +19,14 @@ class MapUpdate:
     Attributes:
         added: features to insert.
         removed: (R,) uint64, sorted ids to take out; disjoint from `added`.
+        georeference: of the map frame, where it is stated.
     """
 
     from_version: int
     to_version: int
     added: MapFeatures
     removed: NDArray[np.uint64]
+    georeference: Georeference | None = None
 
     def applied_to(self, feature_map: FeatureMap) -> FeatureMap:
         """The map as of the newer version, features sorted by id.

@@ -130,22 +130,22 @@ def encode_map_update(update: MapUpdate) -> bytes:
     added = update.added[np.argsort(update.added.id, kind="stable")]
     message = pb.MapUpdate(
         from_version=update.from_version,
-        added=_encode_map(FeatureMap(added, version=update.to_version)),
+        added=_encode_map(FeatureMap(added, update.georeference, update.to_version)),
         removed_count=len(update.removed),
         removed=pack_integers(update.removed.astype(np.int64), delta=True),
     )
     return _seal(message.SerializeToString(deterministic=True))
 
 
-def decode_map_update(data: bytes) -> MapUpdate:
-    """The map update in these bytes; raises `WireError` as `decode_diff` does."""
+def decode_map_update(data: bytes, most_bytes: int = MAX_MAP_BYTES, most_features: int = MAX_MAP_FEATURES) -> MapUpdate:
+    """The map update in these bytes, if it unpacks to no more than this; raises `WireError` as `decode_diff` does."""
     message = pb.MapUpdate()
-    _parse(message, _open(data, MAX_MAP_BYTES, MAX_MAP_BYTES))
-    added = _decode_map(message.added)
-    removed = _decode_removed(message.removed, message.removed_count, MAX_MAP_FEATURES)
+    _parse(message, _open(data, most_bytes, most_bytes))
+    added = _decode_map(message.added, most_features)
+    removed = _decode_removed(message.removed, message.removed_count, most_features)
     if message.from_version > added.version:
         raise WireError("from_version: the update leads backwards")
-    return MapUpdate(message.from_version, added.version, added.features, removed)
+    return MapUpdate(message.from_version, added.version, added.features, removed, added.georeference)
 
 
 def _encode_map(feature_map: FeatureMap) -> pb.FeatureMap:
@@ -165,12 +165,12 @@ def _encode_map(feature_map: FeatureMap) -> pb.FeatureMap:
     )
 
 
-def _decode_map(message: pb.FeatureMap) -> FeatureMap:
+def _decode_map(message: pb.FeatureMap, most_features: int = MAX_MAP_FEATURES) -> FeatureMap:
     if not math.isfinite(message.epoch):
         raise WireError("epoch: not a time")
-    key_count = bounded_count(message.instance_count, MAX_MAP_FEATURES, "instance_keys")
+    key_count = bounded_count(message.instance_count, most_features + 1, "instance_keys")
     keys = unpack_integers(message.instance_keys, key_count, 0, (1 << 63) - 1, "instance_keys").astype(np.uint64)
-    features, index = decode_features(message.features, MAX_MAP_FEATURES, max(key_count - 1, 0), message.epoch)
+    features, index = decode_features(message.features, most_features, max(key_count - 1, 0), message.epoch)
     features.id = unpack_integers(message.id, len(features), 1, (1 << 63) - 1, "id").astype(np.uint64)
     if (np.diff(features.id.astype(np.int64)) <= 0).any():
         raise WireError("id: ids are not in ascending order")

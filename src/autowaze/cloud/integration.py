@@ -124,7 +124,7 @@ class MapState:
         for number in self.tiles.blocks_since(tile, since):
             block = self._blocks[number]
             parts.append(block[np.array([t == tile for t in self.tiles.of(block)], np.bool_)])
-        return MapUpdate(since or 0, self.version, MapFeatures.concatenate(parts), gone)
+        return MapUpdate(since or 0, self.version, MapFeatures.concatenate(parts), gone, self.georeference)
 
     def vehicle_features(self, instances: NDArray[np.uint64]) -> MapFeatures:
         """Features with a vehicle's label that belong to these instances, sorted by id.

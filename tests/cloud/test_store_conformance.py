@@ -45,7 +45,7 @@ class Conformance:
         assert not store.spots_at(1e9)
         assert not store.history(0.0, 1e9, 10)
         assert store.history_extent() is None
-        assert store.parking_map() is None
+        assert not list(store.spot_edits())
 
     def test_log_and_spots_outlive_the_connection(self, store, address):
         assert store.commit([diff(0), diff(1)], [state("a"), state("b", OCCUPIED)]) == 2
@@ -108,10 +108,18 @@ class Conformance:
         assert [entry.number for entry in store.audit_entries(after=1)] == [2]
         assert [entry.number for entry in store.audit_entries(limit=1)] == [1]
 
-    def test_parking_maps_are_versioned(self, store):
-        assert store.save_parking_map(b'{"one": 1}', "operator") == 1
-        assert store.save_parking_map(b'{"two": 2}', "operator") == 2
-        assert store.parking_map() == b'{"two": 2}'
+    def test_edits_of_the_parking_map_are_kept_with_what_they_made_of_their_spot(self, store, address):
+        store.commit([diff(0)], [state("a"), state("b")])
+        assert store.commit_edit(b'{"one": 1}', "operator", "a", state("a", OCCUPIED, 0.5)) == 1
+        assert store.commit_edit(b'{"two": 2}', "operator", "b", None) == 2
+        assert store.commit_edit(b'{"three": 3}', "operator", "c", state("c", observed_at=None)) == 3
+        store.close()
+        again = open_store(address)
+        assert list(again.spot_edits()) == [b'{"one": 1}', b'{"two": 2}', b'{"three": 3}']
+        assert again.spots() == [state("a", OCCUPIED, 0.5)]
+        assert [change.state.spot_id for change in again.history(0.0, 1e12, 10)] == ["a", "b", "a", "c"]
+        assert again.commit([diff(1)], [state("c")]) == 2
+        again.close()
 
     def test_one_process_writes(self, store, address):
         store.commit([diff(0)], [])

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from autowaze.cloud.broadcast import Update
 from autowaze.cloud.service import CloudService
+from autowaze.cloud.spot_edits import SpotEdit, check_edit
 from autowaze.cloud.store import Accepted, Store, StoreError
 from autowaze.world.errors import WireError
 from autowaze.world.map_diff import SemanticMapDiff
+from autowaze.world.parking import SpotState
 from autowaze.world.wire import decode_diff
 
 
@@ -69,6 +73,24 @@ class DurableService:
                 self.service = self._recovered()
                 raise
 
+    def edit(self, edit: SpotEdit, actor: str) -> tuple[int, SpotState | None]:
+        """Draw or erase a spot; durable, like diffs, when it returns the version of the parking map and the state.
+
+        Raises:
+            RefusedEditError: the spot cannot be so; nothing has changed.
+            StoreError: it could not be kept; nothing has changed.
+        """
+        with self._lock:
+            check_edit(edit, self.service.spots)
+            edit = replace(edit, position=self.store.position)
+            try:
+                state = self.service.edit(edit)
+                version = self.store.commit_edit(edit.encoded(), actor, edit.spot_id, state)
+            except BaseException:
+                self.service = self._recovered()
+                raise
+            return version, state
+
     def _take_in(self, payloads: Sequence[bytes]) -> list[Update | WireError]:
         results: list[Update | WireError] = []
         accepted, updates, changed = [], [], {}
@@ -97,6 +119,8 @@ class DurableService:
     def _recovered(self) -> CloudService:
         """The state after every diff of the log; the stored spots follow it where method or parking map changed."""
         service = self._open_service()
+        edits = deque(SpotEdit.decoded(data) for data in self.store.spot_edits())
+        _make_up_to(0, edits, service)
         for position, accepted in enumerate(self.store.log(), start=1):
             try:
                 update = service.receive(accepted.payload)
@@ -107,7 +131,14 @@ class DurableService:
                 ) from error
             if self._observe is not None:
                 self._observe(update, accepted.received_at)
+            _make_up_to(position, edits, service)
         known = {state.spot_id: state for state in service.states if state.observed_at is not None}
         if known != {state.spot_id: state for state in self.store.spots()}:
             self.store.replace_spots(known.values())
         return service
+
+
+def _make_up_to(position: int, edits: deque[SpotEdit], service: CloudService) -> None:
+    """Make the edits that were made before the diff after this position."""
+    while edits and edits[0].position <= position:
+        service.edit(edits.popleft())

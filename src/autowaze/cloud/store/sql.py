@@ -126,18 +126,30 @@ class SqlStore:
         query = "SELECT number, at, actor, action, detail FROM audit WHERE number > ? ORDER BY number LIMIT ?"
         return [AuditEntry(*row) for row in self._side.execute(query, (after, limit))]
 
-    def parking_map(self) -> bytes | None:
-        """The newest edited parking map, GeoJSON."""
-        rows = self._side.execute("SELECT geojson FROM parking_maps ORDER BY version DESC LIMIT 1")
-        return bytes(rows[0][0]) if rows else None
-
-    def save_parking_map(self, geojson: bytes, actor: str) -> int:
-        """Keep an edited parking map; returns its version."""
-        rows = self._side.execute(
-            "INSERT INTO parking_maps (saved_at, actor, geojson) VALUES (?, ?, ?) RETURNING version",
-            (self._clock(), actor, geojson),
-        )
+    def commit_edit(self, geojson: bytes, actor: str, spot_id: str, state: SpotState | None) -> int:
+        """Keep an edit of the parking map and what it made of its spot; returns the version of the parking map."""
+        now, noted = self._clock(), [state] if state is not None else []
+        try:
+            with self._log.transaction():
+                rows = self._log.execute(
+                    "INSERT INTO parking_maps (saved_at, actor, geojson) VALUES (?, ?, ?) RETURNING version",
+                    (now, actor, geojson),
+                )
+                self._log.execute("DELETE FROM spots WHERE spot_id = ?", (spot_id,))
+                self._upsert([known for known in noted if known.observed_at is not None])
+                self._note(noted, now)
+        except BaseException:
+            self._names.clear()
+            raise
+        self._changes += len(noted)
         return int(rows[0][0])
+
+    def spot_edits(self) -> Iterator[bytes]:
+        """Every edit of the parking map, oldest first."""
+        version, query = 0, "SELECT version, geojson FROM parking_maps WHERE version > ? ORDER BY version"
+        while rows := self._log.execute(f"{query} LIMIT {_ROWS_AT_ONCE}", (version,)):
+            version = rows[-1][0]
+            yield from (bytes(geojson) for _, geojson in rows)
 
     def survey(self, parking_map: ParkingMap) -> None:
         """Nothing: a database without geometry has no use for outlines."""

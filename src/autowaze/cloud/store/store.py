@@ -65,7 +65,7 @@ class AuditEntry:
 class Store(Protocol):
     """An append-only log of diffs, numbered from 1, and the state of every spot after the last of them.
 
-    `log`, `commit` and `replace_spots` belong to one thread; all else may be called from any.
+    `log`, `commit`, `commit_edit` and `replace_spots` belong to one thread; all else may be called from any.
 
     Attributes:
         name: where it lies, without secrets.
@@ -110,11 +110,23 @@ class Store(Protocol):
     def audit_entries(self, after: int = 0, limit: int = 1000) -> list[AuditEntry]:
         """Entries after a number, oldest first."""
 
-    def parking_map(self) -> bytes | None:
-        """The newest edited parking map, GeoJSON; None if it was never edited."""
+    def commit_edit(self, geojson: bytes, actor: str, spot_id: str, state: SpotState | None) -> int:
+        """Keep an edit of the parking map beside those before it, and what it made of its spot, all or nothing.
 
-    def save_parking_map(self, geojson: bytes, actor: str) -> int:
-        """Keep an edited parking map beside those before it; returns its version, counted from 1."""
+        Args:
+            geojson: the edit; see `cloud.spot_edits`.
+            actor: who made it.
+            spot_id, state: the spot; None if it was erased.
+
+        Returns:
+            The version of the parking map: 1 for the first edit, and growing.
+
+        Raises:
+            StoreError: nothing was kept.
+        """
+
+    def spot_edits(self) -> Iterator[bytes]:
+        """Every edit of the parking map, oldest first."""
 
     def survey(self, parking_map: ParkingMap) -> None:
         """Note where the spots lie, where the database can show it to GIS tools."""

@@ -208,6 +208,12 @@ def test_the_state_of_a_tiles_spots_is_retained_and_follows_the_diffs(broker, tm
             site.hand_in(payload)
         wait_until(lambda: [spots_in(documents)[f"S{i}"] for i in (0, 1)] == ["occupied", "vacant"])
         session.close()
+        told = {}
+        notices = reconnected(broker, lambda session, message: told.update({message.topic: message.payload}), "map")
+        versions = {tile: record.version for tile, record in site.durable.service.map.tiles.records.items()}
+        expected = {f"autowaze/v1/map/17/{x}/{y}": b'{"version":%d}' % version for (x, y), version in versions.items()}
+        wait_until(lambda: told == expected)
+        notices.close()
         broker.kill()
         documents.clear()
         broker.start()
@@ -216,8 +222,8 @@ def test_the_state_of_a_tiles_spots_is_retained_and_follows_the_diffs(broker, tm
         late.close()
 
 
-def reconnected(broker, keep):
-    return BrokerSession(broker.address, new_car(), ["autowaze/v1/spots/17/+/+"], keep)
+def reconnected(broker, keep, what="spots"):
+    return BrokerSession(broker.address, new_car(), [f"autowaze/v1/{what}/17/+/+"], keep)
 
 
 def spots_in(documents):

@@ -1,4 +1,5 @@
-"""Spots to whoever listens at the broker: one retained document for each tile, replaced as its spots change."""
+"""What changed, to whoever listens at the broker: for each tile one retained document of its spots and one with the
+version of its map, replaced as they change."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ import numpy as np
 from autowaze.cloud.api.intake import Intake
 from autowaze.cloud.api.spot_book import SpotBook
 from autowaze.cloud.broadcast import Update
-from autowaze.world.broker import spots_topic
+from autowaze.cloud.service import CloudService
+from autowaze.world.broker import map_topic, spots_topic
 from autowaze.world.broker_session import BrokerError, BrokerSession
 from autowaze.world.parking import SpotState
 from autowaze.world.tiles import TILE_ZOOM, Tile, tiles_of
@@ -44,14 +46,16 @@ class MqttBroadcast:
             self._rows_of_tile[Tile(x, y)].append(row)
         self._states: list[SpotState] = []
         self._version = 0
+        self._map_versions: dict[Tile, int] = {}
         self._changed: set[Tile] = set()
+        self._changed_maps: set[Tile] = set()
         self._wanted = asyncio.Event()
         self._session: BrokerSession | None = None
         self._publishing: asyncio.Task[None] | None = None
 
     async def __aenter__(self) -> Self:
         """Learn the states and begin to publish."""
-        self._states, self._version = await self._intake.ask(lambda service: (service.states, service.map.version))
+        self._states, self._version, self._map_versions = await self._intake.ask(_state_of)
         self._publishing = asyncio.create_task(self._publish_for_ever())
         return self
 
@@ -65,6 +69,7 @@ class MqttBroadcast:
         """Publish all to a broker."""
         self._session = session
         self._changed.update(self._rows_of_tile)
+        self._changed_maps.update(self._map_versions)
         self._wanted.set()
 
     def note(self, update: Update) -> None:
@@ -75,17 +80,25 @@ class MqttBroadcast:
             if row < len(self._states):
                 self._states[row] = state
             self._changed.add(self._tile_of_row[row])
-        if update.spots:
+        self._map_versions.update(dict.fromkeys(update.map_tiles, update.version))
+        self._changed_maps.update(update.map_tiles)
+        if update.spots or update.map_tiles:
             self._wanted.set()
 
     async def _publish_for_ever(self) -> None:
         while True:
             await self._wanted.wait()
             self._wanted.clear()
+            session = self._session
             with suppress(BrokerError):  # all goes out again once there is a broker
-                while self._changed and self._session is not None:
+                while session and self._changed:
                     tile = self._changed.pop()
-                    self._session.publish(spots_topic(TILE_ZOOM, *tile), self._document(tile), retain=True)
+                    session.publish(spots_topic(TILE_ZOOM, *tile), self._document(tile), retain=True)
+                    await asyncio.sleep(0)
+                while session and self._changed_maps:
+                    tile = self._changed_maps.pop()
+                    notice = f'{{"version":{self._map_versions[tile]}}}'.encode()
+                    session.publish(map_topic(TILE_ZOOM, *tile), notice, retain=True)
                     await asyncio.sleep(0)
             await asyncio.sleep(PAUSE_S)
 
@@ -106,3 +119,8 @@ class MqttBroadcast:
             )
         document = {"tile": [TILE_ZOOM, *tile], "version": self._version, "spots": spots}
         return json.dumps(document, separators=(",", ":")).encode()
+
+
+def _state_of(service: CloudService) -> tuple[list[SpotState], int, dict[Tile, int]]:
+    tiles = {tile: record.version for tile, record in service.map.tiles.records.items()}
+    return service.states, service.map.version, tiles

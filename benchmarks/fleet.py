@@ -1,0 +1,140 @@
+"""A fleet of cars on a city of equal streets: diffs as a second pass makes them, cheap enough to make while sending."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import zstandard
+from numpy.typing import NDArray
+from shapely.affinity import translate
+
+from autowaze.world import wire_pb2 as pb
+from autowaze.world.column_codec import pack_integers
+from autowaze.world.feature_map import MapFeatures
+from autowaze.world.ground import CELL_M
+from autowaze.world.identity import feature_ids
+from autowaze.world.map_diff import SemanticMapDiff
+from autowaze.world.parking import ParkingMap
+from autowaze.world.wire import VERSION, encode_diff
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "cloud"))
+from street import GEOREFERENCE, WINDOW_S, Street, features
+
+STREET = Street()
+BLOCK_M = 130.0
+VARIANTS = 6
+"""Ways in which the street's cars stand; each pass finds the next one."""
+PARKED, LEFT = 10, 3
+"""Vehicles in the street, and how many of them are others at the next pass."""
+STATIC_FEATURES = 20
+"""Features of walls and signs that a pass adds and the next one takes out again, with descriptors."""
+
+
+def offset_m(block: int, blocks: int) -> tuple[float, float]:
+    """East and north of a block in a square city around the origin, metres; whole ground cells."""
+    side = int(np.ceil(np.sqrt(blocks)))
+    return (block % side - side // 2) * BLOCK_M, (block // side - side // 2) * BLOCK_M
+
+
+def city_spots(blocks: int) -> ParkingMap:
+    """The street copied to every block."""
+    own = STREET.parking_map.spots
+    spots = [
+        replace(spot, id=f"{block}/{spot.id}", polygon=translate(spot.polygon, *offset_m(block, blocks)))
+        for block in range(blocks)
+        for spot in own
+    ]
+    return ParkingMap(tuple(spots), GEOREFERENCE)
+
+
+@dataclass
+class _Window:
+    """One window of one pass, at the origin."""
+
+    message: pb.SemanticMapDiff
+    diff: SemanticMapDiff
+
+
+class Fleet:
+    """Cars that drive round and round their blocks.
+
+    Args:
+        cars: each has a block and a session of its own.
+        blocks: of the city.
+    """
+
+    def __init__(self, cars: int, blocks: int, first_session: int = 1) -> None:
+        self.cars = cars
+        self._blocks = blocks
+        self._first_session = first_session
+        self._passes = _passes()
+        self._compressor = zstandard.ZstdCompressor(level=3)
+
+    def payload(self, car: int, sequence: int, end: float) -> bytes:
+        """The diff that a car hands in as its next, of a window that ends then (seconds since the epoch)."""
+        windows = len(self._passes[0])
+        window = self._passes[sequence // windows % VARIANTS][sequence % windows]
+        message = pb.SemanticMapDiff()
+        message.CopyFrom(window.message)
+        message.session, message.sequence = self._first_session + car, sequence
+        message.start, message.end = end - WINDOW_S, end
+        self._move(message, window.diff, *offset_m(car % self._blocks, self._blocks))
+        removed = self._removed(message.session, sequence - windows)
+        message.removed_count, message.removed = len(removed), pack_integers(removed.astype(np.int64), delta=True)
+        body = self._compressor.compress(message.SerializeToString())
+        return pb.Envelope(version=VERSION, body=body).SerializeToString()
+
+    def _move(self, message: pb.SemanticMapDiff, diff: SemanticMapDiff, east: float, north: float) -> None:
+        for part, position in ((message.new, diff.new.position), (message.trajectory, diff.trajectory.position)):
+            part.x = pack_integers(np.round((position[:, 0] + east) * 100), delta=True)
+            part.y = pack_integers(np.round((position[:, 1] + north) * 100), delta=True)
+        message.ground.ix = pack_integers(diff.ground.ix + int(east / CELL_M), delta=True)
+        message.ground.iy = pack_integers(diff.ground.iy + int(north / CELL_M), delta=True)
+
+    def _removed(self, session: int, sequence: int) -> NDArray[np.uint64]:
+        """What the car's last pass added, so that the map stays as large as it is."""
+        if sequence < 0:
+            return np.zeros(0, np.uint64)
+        windows = len(self._passes[0])
+        before = self._passes[sequence // windows % VARIANTS][sequence % windows]
+        return feature_ids(session, sequence, len(before.diff.new))
+
+
+def _passes() -> list[list[_Window]]:
+    rng = np.random.default_rng(0)
+    parked = rng.choice(STREET.count, PARKED, replace=False).tolist()
+    passes = []
+    for variant in range(VARIANTS):
+        free = [spot for spot in range(STREET.count) if spot not in parked]
+        arrived = rng.choice(free, LEFT, replace=False).tolist()
+        parked = parked[LEFT:] + arrived
+        diffs = STREET.drive(STREET.park(parked, variant), seed=variant)
+        numbers = [n for n, spot in enumerate(parked, start=1) if spot in arrived]
+        passes.append([_window(diff, numbers, rng) for diff in diffs])
+    return passes
+
+
+def _window(diff: SemanticMapDiff, arrived: list[int], rng: np.random.Generator) -> _Window:
+    """Only the vehicles that arrived are new to a car that carries the map."""
+    kept = diff.new[np.isin(diff.new.instance_key & np.uint64((1 << 24) - 1), arrived)]
+    ground = diff.ground[np.lexsort((diff.ground.ix, diff.ground.iy))]
+    new = MapFeatures.concatenate([kept, _static_features(diff, rng)])
+    new.id = feature_ids(diff.session, diff.sequence, len(new))
+    instances = diff.instances[np.isin(diff.instances.id, arrived)]
+    second_pass = replace(diff, new=new, instances=instances, ground=ground)
+    envelope, message = pb.Envelope(), pb.SemanticMapDiff()
+    envelope.ParseFromString(encode_diff(second_pass))
+    message.ParseFromString(zstandard.decompress(envelope.body))
+    return _Window(message, second_pass)
+
+
+def _static_features(diff: SemanticMapDiff, rng: np.random.Generator) -> MapFeatures:
+    position = np.append(STREET.along * STREET.length / 2, 2.0) + rng.normal(0, 10.0, (STATIC_FEATURES, 3))
+    static = features(diff.session, diff.sequence, position, [np.zeros(STATIC_FEATURES, int)], diff.start)
+    static.label[:] = 0
+    static.descriptor = rng.integers(1, 256, static.descriptor.shape, dtype=np.uint8)
+    static.normal[:] = [0.0, 0.0, 1.0]
+    return static

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from autowaze.cloud.belief import Evidence
 from autowaze.cloud.ground_votes import GroundVotes, WindowVotes
-from autowaze.cloud.merging import vehicles_at
+from autowaze.cloud.merging import MergedVehicles, vehicles_at
 from autowaze.cloud.scene import VehicleScene
 from autowaze.cloud.spots import SpotIndex, SpotRaster
-from autowaze.world.vehicles import VehicleBoxes
+from autowaze.cloud.witnesses import Witnesses
+from autowaze.world.identity import session_of_key
 
 PASS_GAP_S = 30.0
 """Windows of a session that are closer in time belong to one pass."""
@@ -42,14 +43,20 @@ POSITION_SIGMA_M = 0.7
 
 
 def evidence_of(
-    spots: NDArray[np.int64], index: SpotIndex, scene: VehicleScene, votes: GroundVotes, ground: bool = True
+    spots: NDArray[np.int64],
+    index: SpotIndex,
+    scene: VehicleScene,
+    votes: GroundVotes,
+    witnesses: Witnesses,
+    ground: bool = True,
 ) -> list[list[Evidence]]:
     """All evidence on each of these spots (T,), in no order of time.
 
     Vehicles count for the spot that they overlap most, if enough of them lies in it: one that stands in the lane
     is not parked. Without `ground` its windows still tell where a car looked and found no vehicle.
     """
-    vehicles = vehicles_at(index.polygons[spots], scene)
+    merged = vehicles_at(index.polygons[spots], scene)
+    vehicles = merged.vehicles
     footprints = vehicles.polygons
     row, spot = index.overlapping(footprints)
     common = shapely.area(shapely.intersection(footprints[row], index.polygons[spot]))
@@ -60,7 +67,10 @@ def evidence_of(
         here = spot == one
         at_home, leaning = row[here & is_home], row[here & ~is_home]
         core = _not_covered(index.raster(one), footprints[leaning])
-        items = [_from_vehicle(vehicles, r, s) for r, s in zip(at_home.tolist(), share[here & is_home], strict=True)]
+        shares = share[here & is_home].tolist()
+        items = [
+            item for r, s in zip(at_home.tolist(), shares, strict=True) for item in _of_vehicle(merged, r, s, witnesses)
+        ]
         found.append(items + _of_ground(votes.windows(one), core, ground))
     return found
 
@@ -84,12 +94,26 @@ def _not_covered(raster: SpotRaster, footprints: NDArray[np.object_]) -> NDArray
     return np.asarray(raster.core & ~shapely.contains_xy(grown, raster.centre))
 
 
-def _from_vehicle(vehicles: VehicleBoxes, row: int, share: float) -> Evidence:
-    points = int(vehicles.points[row])
-    parked = np.clip((share - GRAZING_OVERLAP) / (PARKED_OVERLAP - GRAZING_OVERLAP), 0.0, 1.0)
-    log_odds = VEHICLE_LOG_ODDS * float(parked) * points / (points + TYPICAL_POINTS)
-    reason = f"vehicle {vehicles.group[row]} of {points} points, {share:.0%} of it here"
-    return Evidence(float(vehicles.seen_at[row]), log_odds, reason)
+def _of_vehicle(merged: MergedVehicles, row: int, share: float, witnesses: Witnesses) -> list[Evidence]:
+    """One piece of evidence per source that saw points of the vehicle."""
+    parked = float(np.clip((share - GRAZING_OVERLAP) / (PARKED_OVERLAP - GRAZING_OVERLAP), 0.0, 1.0))
+    parts = merged.parts[merged.whole == row]
+    seen: dict[int, tuple[int, float]] = {}
+    columns = (parts.group.tolist(), parts.points.tolist(), parts.seen_at.tolist())
+    for group, points, seen_at in zip(*columns, strict=True):
+        source = witnesses.of(session_of_key(group))
+        known, last = seen.get(source, (0, 0.0))
+        seen[source] = known + points, max(last, seen_at)
+    name = f"vehicle {merged.vehicles.group[row]}"
+    return [
+        Evidence(
+            seen_at,
+            VEHICLE_LOG_ODDS * parked * points / (points + TYPICAL_POINTS),
+            f"{name} of {points} points, {share:.0%} of it here",
+            source,
+        )
+        for source, (points, seen_at) in sorted(seen.items())
+    ]
 
 
 def _of_ground(windows: list[WindowVotes], core: NDArray[np.bool_], ground: bool) -> list[Evidence]:
@@ -113,10 +137,11 @@ def _of_ground(windows: list[WindowVotes], core: NDArray[np.bool_], ground: bool
         log_odds -= LOG_ODDS_PER_FREE_SHARE * np.maximum(free_share - FREE_SHARE_EVEN, 0.0)
     log_odds = np.clip(log_odds, -MOST_LOG_ODDS, MOST_LOG_ODDS) / (1.0 + (sigma / POSITION_SIGMA_M) ** 2)
     ends = (windows[last - 1].end for last in [*starts[1:], len(windows)])
+    sources = (windows[first].source for first in starts)
     columns = (log_odds.tolist(), free_share.tolist(), obstacle_share.tolist())
     return [
-        Evidence(end, odds, f"ground {free_part:.0%} free, {obstacle_part:.0%} obstacle")
-        for end, odds, free_part, obstacle_part in zip(ends, *columns, strict=True)
+        Evidence(end, odds, f"ground {free_part:.0%} free, {obstacle_part:.0%} obstacle", source)
+        for end, source, odds, free_part, obstacle_part in zip(ends, sources, *columns, strict=True)
     ]
 
 

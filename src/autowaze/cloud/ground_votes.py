@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ class WindowVotes(NamedTuple):
     """What one window saw of a spot.
 
     `free` and `obstacle` are (C,) uint8 frames per cell of the spot's raster, saturating; `sigma_m` is one standard
-    deviation of the car's position.
+    deviation of the car's position; `source` is whose word it is.
     """
 
     end: float
@@ -30,6 +31,7 @@ class WindowVotes(NamedTuple):
     sigma_m: float
     free: NDArray[np.uint8]
     obstacle: NDArray[np.uint8]
+    source: int = 0
 
     @property
     def key(self) -> tuple[float, int, int]:
@@ -38,14 +40,21 @@ class WindowVotes(NamedTuple):
 
 
 class GroundVotes:
-    """Ground cells of diffs, sorted into the spots that they lie in."""
+    """Ground cells of diffs, sorted into the spots that they lie in.
 
-    def __init__(self, spots: SpotIndex) -> None:
+    Args:
+        spots: the spots.
+        crowding_s: each window of a source counts as so much older than the one after it, when the newest are chosen:
+            who looks often does not crowd out what others saw. 0 keeps the newest, whoever saw them.
+    """
+
+    def __init__(self, spots: SpotIndex, crowding_s: float = 0.0) -> None:
         self._spots = spots
+        self._crowding_s = crowding_s
         self._windows: dict[int, list[WindowVotes]] = {}
 
-    def add(self, diff: SemanticMapDiff) -> NDArray[np.int64]:
-        """Note the ground of one diff; returns the spots (T,) of which it saw something, sorted."""
+    def add(self, diff: SemanticMapDiff, source: int = 0) -> NDArray[np.int64]:
+        """Note the ground of one diff of a source; returns the spots (T,) of which it saw something, sorted."""
         candidates = self._spots_near(diff.ground)
         if len(candidates) == 0:
             return candidates
@@ -57,7 +66,7 @@ class GroundVotes:
             cells = slice(start, start := start + len(raster))
             if (free[cells] | obstacle[cells]).any():
                 window = (diff.end, diff.session, diff.sequence, diff.position_sigma_m, free[cells], obstacle[cells])
-                self._note(spot, WindowVotes(*window))
+                self._note(spot, WindowVotes(*window, source))
                 seen.append(spot)
         return np.array(seen, dtype=np.int64)
 
@@ -100,8 +109,23 @@ class GroundVotes:
         self._windows = without_row(self._windows, spot)
 
     def _note(self, spot: int, window: WindowVotes) -> None:
-        kept = [*self._windows.get(spot, []), window]
-        self._windows[spot] = sorted(kept, key=lambda w: w.key)[-MAX_WINDOWS:]
+        kept = sorted([*self._windows.get(spot, []), window], key=lambda w: w.key)
+        if len(kept) > MAX_WINDOWS:
+            # A window's rank only grows as others arrive, so which ones stay does not depend on the order.
+            del kept[self._oldest(kept)]
+        self._windows[spot] = kept
+
+    def _oldest(self, windows: list[WindowVotes]) -> int:
+        """Row of the window, of some in the order of their keys, that can best be spared."""
+        if self._crowding_s == 0.0:
+            return 0
+        later: dict[int, int] = {}
+        spared = (math.inf, 0)
+        for row in range(len(windows) - 1, -1, -1):
+            window = windows[row]
+            rank = later[window.source] = later.get(window.source, -1) + 1
+            spared = min(spared, (window.end - self._crowding_s * rank, row))
+        return spared[1]
 
     def _spots_near(self, ground: GroundCells) -> NDArray[np.int64]:
         """Spots (N,) that the blocks of 8 m around the cells touch, sorted: no more work than there are cells."""

@@ -5,6 +5,8 @@ Boxes are compared, not points: neighbours in bays stand so close that their poi
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -15,7 +17,21 @@ from autowaze.world.vehicles import VehicleBoxes
 SAME_VEHICLE_IOU = 0.3
 
 
-def vehicles_at(polygons: NDArray[np.object_], scene: VehicleScene) -> VehicleBoxes:
+class MergedVehicles(NamedTuple):
+    """Vehicles, and the boxes that each was merged from.
+
+    Attributes:
+        vehicles: V rows, sorted by group.
+        parts: P rows, the boxes as they were.
+        whole: (P,) int64, row in `vehicles` of each part.
+    """
+
+    vehicles: VehicleBoxes
+    parts: VehicleBoxes
+    whole: NDArray[np.int64]
+
+
+def vehicles_at(polygons: NDArray[np.object_], scene: VehicleScene) -> MergedVehicles:
     """The merged vehicles around these polygons (M,), sorted by group.
 
     What a box merges with may reach beyond the polygons, so all boxes are taken that hang together with theirs.
@@ -24,26 +40,34 @@ def vehicles_at(polygons: NDArray[np.object_], scene: VehicleScene) -> VehicleBo
     while True:
         linked = scene.overlapping(boxes.polygons)
         if len(linked) == len(boxes):
-            return merge_boxes(boxes)
+            return merge_parts(boxes)
         boxes = linked
 
 
 def merge_boxes(boxes: VehicleBoxes) -> VehicleBoxes:
     """Each box with most points takes in those that overlap it enough (intersection over union)."""
+    return merge_parts(boxes).vehicles
+
+
+def merge_parts(boxes: VehicleBoxes) -> MergedVehicles:
+    """As `merge_boxes`, with what was merged into what."""
     if len(boxes) < 2:
-        return boxes
+        return MergedVehicles(boxes, boxes, np.arange(len(boxes)))
     order = np.lexsort((boxes.centre[:, 1], boxes.centre[:, 0], boxes.group, -boxes.points))
     boxes = boxes[order]
     similar = _iou(boxes) >= SAME_VEHICLE_IOU
     free = np.ones(len(boxes), np.bool_)
-    merged = []
+    merged: list[VehicleBoxes] = []
+    whole = np.zeros(len(boxes), np.int64)
     for row in range(len(boxes)):
         if free[row]:
             members = np.flatnonzero(similar[row] & free)
             free[members] = False
+            whole[members] = len(merged)
             merged.append(_merged(boxes[members]))
     result = VehicleBoxes.concatenate(merged)
-    return result[np.argsort(result.group, kind="stable")]
+    by_group = np.argsort(result.group, kind="stable")
+    return MergedVehicles(result[by_group], boxes, np.argsort(by_group)[whole])
 
 
 def _iou(boxes: VehicleBoxes) -> NDArray[np.float64]:

@@ -22,6 +22,7 @@ class Method:
         belief: weigh evidence per spot over time; else decide by the boxes of the map as it is.
         ground: free ground and obstacles count as evidence, not only to tell where a car looked.
         memory: the belief carries over from one pass of a car to the next; else the newest pass decides.
+        corroboration: what several sources agree on is not overturned by one alone, and none speaks twice.
     """
 
     name: str
@@ -34,10 +35,11 @@ class Method:
     belief: bool = False
     ground: bool = False
     memory: bool = True
+    corroboration: bool = False
 
 
 THESIS = Method("thesis")
-FUSED = Method("fused", visible_side=True, belief=True, ground=True)
+FUSED = Method("fused", visible_side=True, belief=True, ground=True, corroboration=True)
 CARMAP = Method("carmap", removals=False, instance_ids=False, outlier_removal=False, second_pass=False)
 """CarMap (NSDI 2020) as the thesis uses it (sec. 4.1.4): additions only, vehicle features, DBSCAN."""
 ORB_SLAM2 = Method(

@@ -26,6 +26,7 @@ from autowaze.cloud.spots import SpotIndex
 from autowaze.cloud.two_pass import decide_two_pass
 from autowaze.cloud.validation import check_diff
 from autowaze.cloud.visible_side import boxes_from_visible_side
+from autowaze.cloud.witnesses import Witnesses
 from autowaze.world.feature_map import FeatureMap
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.map_update import MapUpdate
@@ -33,6 +34,9 @@ from autowaze.world.parking import Occupancy, ParkingMap, SpotState
 from autowaze.world.stage_times import StageTimes
 from autowaze.world.vehicles import VehicleBoxes
 from autowaze.world.wire import decode_diff
+
+CROWDING_S = 600.0
+"""How much older each earlier look of one source counts, when the newest of many are kept."""
 
 
 class CloudService:
@@ -48,7 +52,8 @@ class CloudService:
         self.method = method_named(method) if isinstance(method, str) else method
         self.spots = SpotIndex(spots)
         self.map = MapState(base_map, spots.georeference)
-        self.ground = GroundVotes(self.spots)
+        self.ground = GroundVotes(self.spots, CROWDING_S if self.method.corroboration else 0.0)
+        self.witnesses = Witnesses(base_map)
         self.scene = VehicleScene()
         self.changes = ChangeLog(self.map.version)
         self.spot_tiles = SpotTiles(self.spots.centre, spots.georeference, self.map.version)
@@ -65,14 +70,23 @@ class CloudService:
             diff = decode_diff(payload)
         return self.integrate(diff, len(payload))
 
-    def integrate(self, diff: SemanticMapDiff, size: int = 0) -> Update:
-        """Take in one diff that came as so many bytes; raises `WireError` as `receive` does."""
+    def integrate(self, diff: SemanticMapDiff, size: int = 0, source: int | None = None) -> Update:
+        """Take in one diff.
+
+        Args:
+            diff: decoded.
+            size: how many bytes it came as.
+            source: whose word it is, the same for all sessions of one token; None takes each session for a source.
+
+        Raises:
+            WireError: as `receive`.
+        """
         with self.times.stage("integration"):
             check_diff(diff, self.map.georeference)
             change = self.map.integrate(diff if self.method.removals else _additions_only(diff))
             if change is None:
                 return Update(False, self.map.version, (), [], self.changes.nothing())
-            looked_at = self.ground.add(diff)
+            looked_at = self.ground.add(diff, self.witnesses.note(diff.session, source))
         with self.times.stage("grouping"):
             groups = self._group(change.instances)
         with self.times.stage("outliers"):
@@ -164,9 +178,10 @@ class CloudService:
     def _decide(self, spots: NDArray[np.int64]) -> list[SpotState]:
         if not self.method.belief:
             return decide_two_pass(spots, self.spots, self.scene, self.ground, self.method.second_pass)
-        evidence = evidence_of(spots, self.spots, self.scene, self.ground, self.method.ground)
-        ids = (self.spots.ids[spot] for spot in spots.tolist())
-        return [believe(spot_id, items, self.method.memory) for spot_id, items in zip(ids, evidence, strict=True)]
+        evidence = evidence_of(spots, self.spots, self.scene, self.ground, self.witnesses, self.method.ground)
+        memory, corroboration = self.method.memory, self.method.corroboration
+        pairs = zip(spots.tolist(), evidence, strict=True)
+        return [believe(self.spots.ids[spot], items, memory, corroboration) for spot, items in pairs]
 
     def _adopt(self, spots: NDArray[np.int64], states: list[SpotState]) -> tuple[list[int], tuple[SpotState, ...]]:
         """Take on new states; returns the spots that changed, and their states."""

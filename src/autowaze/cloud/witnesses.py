@@ -1,0 +1,35 @@
+"""Whose word each session is: sessions of one source are one witness, however many there are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from autowaze.world.feature_map import FeatureMap
+from autowaze.world.identity import INSTANCE_BITS
+
+SURVEY = 0
+"""The source of all that the base map says."""
+
+
+class Witnesses:
+    """Sources by session; a session of which no source is known stands for itself.
+
+    Args:
+        base_map: what it tells comes from one witness, whoever drove for it.
+    """
+
+    def __init__(self, base_map: FeatureMap | None = None) -> None:
+        keys = (base_map or FeatureMap()).features.instance_key
+        self._sources = dict.fromkeys(np.unique(keys >> np.uint64(INSTANCE_BITS)).tolist(), SURVEY)
+
+    def note(self, session: int, source: int | None) -> int:
+        """Learn the source of a session that reports; returns whose word it is."""
+        if source is not None:
+            self._sources[session] = source
+        elif self._sources.get(session) == SURVEY:
+            del self._sources[session]
+        return self.of(session)
+
+    def of(self, session: int) -> int:
+        """Whose word a session is."""
+        return self._sources.get(session, session)

@@ -32,7 +32,6 @@ from autowaze.cloud.api.spot_book import SpotBook
 from autowaze.cloud.api.spots import spot_routes
 from autowaze.cloud.api.stats import Panel, stats_routes
 from autowaze.cloud.api.streets import street_routes
-from autowaze.cloud.api.zones import Kerb
 from autowaze.cloud.broadcast import Update
 from autowaze.cloud.durable import DurableService
 from autowaze.cloud.fleet import Fleet
@@ -80,8 +79,8 @@ def create_app(
             tell(update)
 
     intake = Intake(durable, publish)
-    book, kerb = SpotBook(parking_map, intake, clock), Kerb(parking_map)
-    events = Events(journal, intake, kerb, book.row_of)
+    book = SpotBook(durable.service.spots.parking_map, intake, clock)
+    events = Events(journal, intake)
     panel = Panel(book, intake, feed, meters, len(durable.service.map.features))
     fleet_feed = FleetFeed(Fleet(clock), parking_map.georeference)
     broadcasts += [panel.note, fleet_feed.note]
@@ -112,7 +111,7 @@ def create_app(
     app.include_router(street_routes(streets))
     app.include_router(feature_routes(book, dashboard))
     app.include_router(dashboard_routes(dashboard))
-    app.include_router(cds_routes(book, kerb, events, surveyed_at))
+    app.include_router(cds_routes(book, events, surveyed_at))
     app.include_router(change_routes(feed))
     app.include_router(fleet_routes(fleet_feed, guard))
     app.include_router(operation_routes(intake, feed, meters))

@@ -13,7 +13,7 @@ from autowaze.cloud.api.cds_area import Area, area_asked_for
 from autowaze.cloud.api.cds_events import Events
 from autowaze.cloud.api.problems import ProblemError, problems
 from autowaze.cloud.api.spot_book import BelievedSpots, SpotBook
-from autowaze.cloud.api.zones import Kerb, Zone
+from autowaze.cloud.api.zones import Zone
 from autowaze.world.parking import Occupancy
 
 MEDIA_TYPE = "application/vnd.cds+json;version=1.1"
@@ -30,7 +30,7 @@ _Degrees = float | None
 _TEXT = Annotated[str | None, Query(max_length=100)]
 
 
-def cds_routes(book: SpotBook, kerb: Kerb, events: Events, surveyed_at: float, author: str = "Autowaze") -> APIRouter:
+def cds_routes(book: SpotBook, events: Events, surveyed_at: float, author: str = "Autowaze") -> APIRouter:
     """Curbs and events; `surveyed_at` is when the spots were drawn, seconds since the epoch."""
     router = APIRouter(prefix="/cds", tags=["CDS"], dependencies=[Depends(_check_version)])
     surveyed_ms = round(1000 * surveyed_at)
@@ -44,7 +44,7 @@ def cds_routes(book: SpotBook, kerb: Kerb, events: Events, surveyed_at: float, a
         lng: _Degrees = None,
         radius: Annotated[int | None, Query(ge=0, le=10**9, description="Centimetres.")] = None,
     ) -> Area:
-        return area_asked_for(kerb, (min_lng, min_lat, max_lng, max_lat), (lng, lat), radius)
+        return area_asked_for(book.sheet.georeference, (min_lng, min_lat, max_lng, max_lat), (lng, lat), radius)
 
     in_area = Depends(area)
     ok: dict[int | str, dict[str, Any]] = {200: {"content": {MEDIA_TYPE: {}}}}
@@ -73,16 +73,17 @@ def cds_routes(book: SpotBook, kerb: Kerb, events: Events, surveyed_at: float, a
     ) -> Response:
         """Stretches of kerb with how many of their spaces are free."""
         believed = await book.believed()
+        kerb = believed.sheet.kerb
         chosen = where.chosen([(zone, zone.polygon) for zone in kerb.zones] if _in_force(time, surveyed_ms) else [])
-        shown = [_zone(zone, kerb, believed, surveyed_ms) for zone in chosen[offset : offset + MOST_AT_ONCE]]
+        shown = [_zone(zone, believed, surveyed_ms) for zone in chosen[offset : offset + MOST_AT_ONCE]]
         return answer({"zones": shown}, believed, _next(request, offset, len(chosen)))
 
     @router.get("/curbs/zones/{zone_id}", responses={**responses, **problems(HTTPStatus.NOT_FOUND)})
     async def zone(zone_id: str) -> Response:
         """One zone."""
-        found = _found(kerb.zone_by_id.get(zone_id), "zone")
         believed = await book.believed()
-        return answer({"zone": _zone(found, kerb, believed, surveyed_ms)}, believed)
+        found = _found(believed.sheet.kerb.zone_by_id.get(zone_id), "zone")
+        return answer({"zone": _zone(found, believed, surveyed_ms)}, believed)
 
     @router.get("/curbs/spaces", responses=responses)
     async def spaces(
@@ -94,17 +95,18 @@ def cds_routes(book: SpotBook, kerb: Kerb, events: Events, surveyed_at: float, a
     ) -> Response:
         """Every space with whether it is free, how sure that is, and how old."""
         believed = await book.believed()
+        kerb = believed.sheet.kerb
         rows = [row for row in range(len(kerb.space_ids)) if curb_zone_id in (None, kerb.zone_of[row].id)]
         chosen = where.chosen([(row, kerb.polygons[row]) for row in rows] if _in_force(time, surveyed_ms) else [])
-        shown = [_space(row, book, kerb, believed, surveyed_ms) for row in chosen[offset : offset + MOST_AT_ONCE]]
+        shown = [_space(row, believed, surveyed_ms) for row in chosen[offset : offset + MOST_AT_ONCE]]
         return answer({"spaces": shown}, believed, _next(request, offset, len(chosen)))
 
     @router.get("/curbs/spaces/{space_id}", responses={**responses, **problems(HTTPStatus.NOT_FOUND)})
     async def space(space_id: str) -> Response:
         """One space."""
-        row = _found(kerb.row_of_space.get(space_id), "space")
         believed = await book.believed()
-        return answer({"space": _space(row, book, kerb, believed, surveyed_ms)}, believed)
+        row = _found(believed.sheet.kerb.row_of_space.get(space_id), "space")
+        return answer({"space": _space(row, believed, surveyed_ms)}, believed)
 
     @router.get("/events/events", responses=responses)
     async def happened(
@@ -118,7 +120,7 @@ def cds_routes(book: SpotBook, kerb: Kerb, events: Events, surveyed_at: float, a
         """What passes of cars saw, newest first."""
         believed = await book.believed()
         told = await events.told(believed.now)
-        chosen = events.select(told, curb_zone_id, curb_space_id, event_time, before)
+        chosen = events.select(told, believed.sheet, curb_zone_id, curb_space_id, event_time, before)
         chosen = where.chosen([(event, event.shape) for event in chosen])
         if where.point is not None:
             chosen.sort(key=lambda event: -event.number)
@@ -133,7 +135,8 @@ def cds_routes(book: SpotBook, kerb: Kerb, events: Events, surveyed_at: float, a
     return router
 
 
-def _zone(zone: Zone, kerb: Kerb, believed: BelievedSpots, surveyed_ms: int) -> dict[str, Any]:
+def _zone(zone: Zone, believed: BelievedSpots, surveyed_ms: int) -> dict[str, Any]:
+    kerb = believed.sheet.kerb
     states = [believed.states[row] for row in zone.rows]
     free = [row for row in zone.rows if believed.states[row].occupancy is Occupancy.VACANT]
     seen = [state.observed_at for state in states if state.observed_at is not None]
@@ -160,18 +163,19 @@ def _zone(zone: Zone, kerb: Kerb, believed: BelievedSpots, surveyed_ms: int) -> 
     return document
 
 
-def _space(row: int, book: SpotBook, kerb: Kerb, believed: BelievedSpots, surveyed_ms: int) -> dict[str, Any]:
-    state = believed.states[row]
+def _space(row: int, believed: BelievedSpots, surveyed_ms: int) -> dict[str, Any]:
+    state, sheet = believed.states[row], believed.sheet
+    kerb = sheet.kerb
     document: dict[str, Any] = {
         "curb_space_id": kerb.space_ids[row],
-        "geometry": book.geometries[row],
+        "geometry": sheet.geometries[row],
         "published_date": surveyed_ms,
         "last_updated_date": surveyed_ms,
         "curb_zone_id": kerb.zone_of[row].id,
         "space_number": kerb.zone_of[row].rows.index(row) + 1,
         "length": int(kerb.length_cm[row]),
         "width": int(kerb.width_cm[row]),
-        "custom_attributes": {"spot_id": book.ids[row], "state": state.occupancy.value},
+        "custom_attributes": {"spot_id": sheet.ids[row], "state": state.occupancy.value},
     }
     if state.observed_at is not None:
         age_s = max(believed.now - state.observed_at, 0.0)

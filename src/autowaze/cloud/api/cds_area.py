@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from autowaze.cloud.api.problems import ProblemError
-from autowaze.cloud.api.zones import Kerb
+from autowaze.world.georeference import Georeference
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Area:
         point: in map metres.
     """
 
-    kerb: Kerb
+    georeference: Georeference
     box: shapely.Polygon | None = None
     point: shapely.Point | None = None
     radius_m: float = 0.0
@@ -31,7 +31,7 @@ class Area:
         """The items whose shape, in map metres, lies in the area; nearest first around a point."""
         if self.box is not None:
             outlines = np.array([shape for _, shape in shapes], dtype=np.object_)
-            inside = shapely.intersects(shapely.transform(outlines, self.kerb.georeference.to_lon_lat), self.box)
+            inside = shapely.intersects(shapely.transform(outlines, self.georeference.to_lon_lat), self.box)
             return [item for (item, _), chosen in zip(shapes, inside, strict=True) if chosen]
         if self.point is not None:
             near = [(shapely.distance(shape, self.point), n, item) for n, (item, shape) in enumerate(shapes)]
@@ -40,7 +40,10 @@ class Area:
 
 
 def area_asked_for(
-    kerb: Kerb, box: tuple[float | None, ...], point: tuple[float | None, float | None], radius_cm: int | None
+    georeference: Georeference,
+    box: tuple[float | None, ...],
+    point: tuple[float | None, float | None],
+    radius_cm: int | None,
 ) -> Area:
     """The area that parameters name; raises `ProblemError` 400 where they name none, or two."""
     longitudes, latitudes = (box[0], box[2], point[0]), (box[1], box[3], point[1])
@@ -49,14 +52,14 @@ def area_asked_for(
         raise ProblemError(HTTPStatus.BAD_REQUEST, "bad_parameter", "degrees out of range")
     around = [*point, radius_cm]
     if not any(value is not None for value in [*box, *around]):
-        return Area(kerb)
+        return Area(georeference)
     if all(value is not None for value in box) and not any(value is not None for value in around):
         west, south, east, north = (float(value or 0.0) for value in box)
-        return Area(kerb, box=shapely.box(west, south, east, north))
+        return Area(georeference, box=shapely.box(west, south, east, north))
     if all(value is not None for value in around) and not any(value is not None for value in box):
         lng, lat = (float(value or 0.0) for value in point)
-        x, y = kerb.georeference.to_map(shapely.get_coordinates(shapely.Point(lng, lat)))[0, :2]
-        return Area(kerb, point=shapely.Point(x, y), radius_m=(radius_cm or 0) / 100.0)
+        x, y = georeference.to_map(shapely.get_coordinates(shapely.Point(lng, lat)))[0, :2]
+        return Area(georeference, point=shapely.Point(x, y), radius_m=(radius_cm or 0) / 100.0)
     raise ProblemError(
         HTTPStatus.BAD_REQUEST, "bad_parameter", "give min_lat, min_lng, max_lat, max_lng, or lat, lng, radius"
     )

@@ -84,14 +84,12 @@ def feature_routes(book: SpotBook, dashboard: Dashboard) -> APIRouter:
     ) -> Response:
         """Spots with state, probability and age, a page at a time, in the order of the parking map."""
         limit = min(limit, MOST_ITEMS)
-        rows = (
-            np.arange(len(book))
-            if bbox is None
-            else np.sort(book.tree.query(box_asked_for(bbox), predicate="intersects"))
-        )
+        box = box_asked_for(bbox) if bbox is not None else None
         believed = await book.believed()
+        sheet = believed.sheet
+        rows = np.arange(len(sheet)) if box is None else np.sort(sheet.tree.query(box, predicate="intersects"))
         if datetime is not None:
-            rows = _observed_in(rows, [state.observed_at for state in believed.states], datetime)
+            rows = _observed_in(rows, believed.states.observed_at(rows), datetime)
         page = rows[offset : offset + limit].tolist()
         given = {k: v for k, v in (("bbox", bbox), ("datetime", datetime)) if v is not None}
         links = [_page_link(request, "self", given, limit, offset)]
@@ -106,7 +104,7 @@ def feature_routes(book: SpotBook, dashboard: Dashboard) -> APIRouter:
             "numberReturned": len(page),
             "timeStamp": _rfc3339(believed.now),
             "links": links,
-            "features": [book.feature(row, believed) for row in page],
+            "features": [believed.feature(row) for row in page],
         }
         return json_response(document, GEOJSON)
 
@@ -116,10 +114,11 @@ def feature_routes(book: SpotBook, dashboard: Dashboard) -> APIRouter:
     )
     async def item(request: Request, spot_id: str) -> Response:
         """One spot."""
-        row = book.row_of.get(spot_id)
+        believed = await book.believed()
+        row = believed.sheet.row_of.get(spot_id)
         if row is None:
             raise ProblemError(HTTPStatus.NOT_FOUND, "not_found", f"there is no spot {spot_id[:100]!r}")
-        feature = book.feature(row, await book.believed())
+        feature = believed.feature(row)
         feature["links"] = [
             _link(request, f"/collections/spots/items/{quote(spot_id, safe='')}", "self", GEOJSON),
             _link(request, "/collections/spots", "collection"),
@@ -130,7 +129,7 @@ def feature_routes(book: SpotBook, dashboard: Dashboard) -> APIRouter:
 
 
 def _collection(request: Request, book: SpotBook) -> dict[str, Any]:
-    bounds = book.bounds_lon_lat
+    bounds = book.sheet.bounds_lon_lat
     return {
         "id": "spots",
         "title": "Parking spots",
@@ -145,7 +144,7 @@ def _collection(request: Request, book: SpotBook) -> dict[str, Any]:
     }
 
 
-def _observed_in(rows: NDArray[np.int64], observed_at: list[float | None], text: str) -> NDArray[np.int64]:
+def _observed_in(rows: NDArray[np.int64], seen: list[float | None], text: str) -> NDArray[np.int64]:
     """Those of the spots that were last observed in a time or interval; one never observed has no time and stays."""
     first, _, last = text.partition("/")
     begin = -math.inf if first in ("", "..") else _seconds(first)
@@ -154,7 +153,6 @@ def _observed_in(rows: NDArray[np.int64], observed_at: list[float | None], text:
     end = math.inf if last in ("", "..") else _seconds(last)
     if begin > end or text in ("", "..", "/", "../.."):
         raise ProblemError(HTTPStatus.BAD_REQUEST, "bad_parameter", "datetime: the interval is empty")
-    seen = [observed_at[row] for row in rows.tolist()]
     return rows[[moment is None or begin <= moment < end + 1.0 for moment in seen]]
 
 

@@ -11,9 +11,11 @@ from contextlib import suppress
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from autowaze.cloud.api.intake import Intake
 from autowaze.cloud.api.spot_book import SpotBook
+from autowaze.cloud.api.spot_sheet import SpotSheet
 from autowaze.cloud.broadcast import Update
 from autowaze.cloud.service import CloudService
 from autowaze.world.broker import map_topic, spots_topic
@@ -36,14 +38,10 @@ class MqttBroadcast:
     """
 
     def __init__(self, book: SpotBook, intake: Intake) -> None:
-        self._book = book
+        self._sheet = book.sheet
         self._intake = intake
-        self._rows_of_tile: dict[Tile, list[int]] = defaultdict(list)
-        self._tile_of_row: list[Tile] = []
-        for row, (west, south, east, north) in enumerate(book.bounds_lon_lat.tolist()):
-            x, y = tiles_of(np.array([[(west + east) / 2, (south + north) / 2]]))[0].tolist()
-            self._tile_of_row.append(Tile(x, y))
-            self._rows_of_tile[Tile(x, y)].append(row)
+        self._tile_of_row = [_tile(bounds) for bounds in self._sheet.bounds_lon_lat]
+        self._rows_of_tile = _rows_of(self._tile_of_row)
         self._states: list[SpotState] = []
         self._version = 0
         self._map_versions: dict[Tile, int] = {}
@@ -76,14 +74,25 @@ class MqttBroadcast:
         """Publish soon what an update changed."""
         self._version = update.version
         for state in update.spots:
-            row = self._book.row_of[state.spot_id]
+            row = self._sheet.row_of.get(state.spot_id)
+            if row is None:  # it was erased a moment ago
+                continue
             if row < len(self._states):
                 self._states[row] = state
             self._changed.add(self._tile_of_row[row])
-        self._map_versions.update(dict.fromkeys(update.map_tiles, update.version))
-        self._changed_maps.update(update.map_tiles)
-        if update.spots or update.map_tiles:
+        if update.spots:
             self._wanted.set()
+
+    def redrawn(self, sheet: SpotSheet, spot_id: str, state: SpotState | None) -> None:
+        """Publish soon a spot that was drawn, or that one was erased; `sheet` is where the spots lie from now on."""
+        row = self._sheet.row_of.get(spot_id, len(self._tile_of_row))
+        self._changed.update(self._tile_of_row[row : row + 1])
+        self._tile_of_row[row : row + 1] = [] if state is None else [_tile(sheet.bounds_lon_lat[row])]
+        self._states[row : row + 1] = [] if state is None else [state]
+        self._changed.update(self._tile_of_row[row : row + 1] if state is not None else [])
+        self._rows_of_tile = _rows_of(self._tile_of_row)
+        self._sheet = sheet
+        self._wanted.set()
 
     async def _publish_for_ever(self) -> None:
         while True:
@@ -104,9 +113,9 @@ class MqttBroadcast:
 
     def _document(self, tile: Tile) -> bytes:
         spots = []
-        for row in self._rows_of_tile[tile]:
+        for row in self._rows_of_tile.get(tile, []):
             state = self._states[row]
-            west, south, east, north = self._book.bounds_lon_lat[row].tolist()
+            west, south, east, north = self._sheet.bounds_lon_lat[row].tolist()
             spots.append(
                 {
                     "spot_id": state.spot_id,
@@ -124,3 +133,16 @@ class MqttBroadcast:
 def _state_of(service: CloudService) -> tuple[list[SpotState], int, dict[Tile, int]]:
     tiles = {tile: record.version for tile, record in service.map.tiles.records.items()}
     return service.states, service.map.version, tiles
+
+
+def _tile(bounds: NDArray[np.float64]) -> Tile:
+    """The tile of the middle of west, south, east, north."""
+    x, y = tiles_of((bounds[None, :2] + bounds[None, 2:]) / 2)[0].tolist()
+    return Tile(x, y)
+
+
+def _rows_of(tiles: list[Tile]) -> dict[Tile, list[int]]:
+    rows: dict[Tile, list[int]] = defaultdict(list)
+    for row, tile in enumerate(tiles):
+        rows[tile].append(row)
+    return dict(rows)

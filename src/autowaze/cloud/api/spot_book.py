@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, overload
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from autowaze.cloud.api.intake import Intake
+from autowaze.cloud.api.spot_sheet import Rectangle, SpotSheet
 from autowaze.cloud.belief import DECIDED, aged, faded_probability
-from autowaze.cloud.occupancy import vacant_rectangles
 from autowaze.cloud.service import CloudService
 from autowaze.world.parking import Occupancy, ParkingMap, SpotState
-
-Rectangle = dict[str, float]
 
 
 class FadingStates(Sequence[SpotState]):
@@ -82,11 +78,32 @@ class BelievedSpots:
         states: in the order of the parking map.
         now: seconds since the epoch (UTC).
         version: of the map that they follow from.
+        sheet: where they lie; the rows are those of `states`.
     """
 
     states: FadingStates
     now: float
     version: int
+    sheet: SpotSheet
+
+    def feature(self, row: int) -> dict[str, Any]:
+        """One spot as a GeoJSON feature."""
+        state, sheet = self.states[row], self.sheet
+        seen = state.observed_at
+        return {
+            "type": "Feature",
+            "id": sheet.ids[row],
+            "geometry": sheet.geometries[row],
+            "properties": {
+                "spot_id": sheet.ids[row],
+                "kind": sheet.kinds[row],
+                "state": state.occupancy.value,
+                "probability": round(state.probability_vacant, 4),
+                "observed_at": seen,
+                "age_s": None if seen is None else round(max(self.now - seen, 0.0), 1),
+                "rectangle": sheet.rectangles[row],
+            },
+        }
 
 
 class SpotBook:
@@ -96,24 +113,19 @@ class SpotBook:
         parking_map: the spots.
         intake: where their states are asked for.
         clock: seconds since the epoch (UTC); None stands still at the newest observation, to replay drives of old.
+
+    Attributes:
+        sheet: where the spots lie now. Rows change when spots are drawn or erased: whoever looks at states, too, takes
+            the sheet that comes with them.
     """
 
     def __init__(self, parking_map: ParkingMap, intake: Intake, clock: Callable[[], float] | None) -> None:
-        self.ids = tuple(spot.id for spot in parking_map.spots)
-        self.kinds = tuple(spot.kind for spot in parking_map.spots)
-        self.row_of = {spot_id: row for row, spot_id in enumerate(self.ids)}
-        polygons = np.array([spot.polygon for spot in parking_map.spots], dtype=np.object_)
-        self.rectangles = vacant_rectangles(polygons)
-        outlines = shapely.transform(polygons, parking_map.georeference.to_lon_lat)
-        self.outlines_lon_lat = shapely.force_2d(np.asarray(shapely.orient_polygons(outlines), dtype=np.object_))
-        self.geometries: list[Any] = [json.loads(text) for text in shapely.to_geojson(self._rounded())]
-        self.bounds_lon_lat = shapely.bounds(self.outlines_lon_lat)
-        self.tree = shapely.STRtree(self.outlines_lon_lat)
+        self.sheet = SpotSheet(parking_map)
         self._intake = intake
         self._clock = clock
 
     def __len__(self) -> int:
-        return len(self.ids)
+        return len(self.sheet)
 
     async def believed(self) -> BelievedSpots:
         """Every spot as it is believed now."""
@@ -121,35 +133,13 @@ class SpotBook:
 
     def vacant_rectangles(self, spots: BelievedSpots) -> list[Rectangle]:
         """Rectangles of the vacant spots (thesis, sec. 3.3.6)."""
-        pairs = zip(self.rectangles, spots.states, strict=True)
+        pairs = zip(spots.sheet.rectangles, spots.states, strict=True)
         return [rectangle for rectangle, state in pairs if state.occupancy is Occupancy.VACANT]
-
-    def feature(self, row: int, spots: BelievedSpots) -> dict[str, Any]:
-        """One spot as a GeoJSON feature."""
-        state = spots.states[row]
-        seen = state.observed_at
-        return {
-            "type": "Feature",
-            "id": self.ids[row],
-            "geometry": self.geometries[row],
-            "properties": {
-                "spot_id": self.ids[row],
-                "kind": self.kinds[row],
-                "state": state.occupancy.value,
-                "probability": round(state.probability_vacant, 4),
-                "observed_at": seen,
-                "age_s": None if seen is None else round(max(spots.now - seen, 0.0), 1),
-                "rectangle": self.rectangles[row],
-            },
-        }
 
     def _believed(self, service: CloudService) -> BelievedSpots:
         if self._clock is None:
             now = max((s.observed_at for s in service.states if s.observed_at is not None), default=0.0)
         else:
             now = self._clock()
-        return BelievedSpots(FadingStates(service.states, now, service.method.belief), now, service.map.version)
-
-    def _rounded(self) -> Any:
-        # A centimetre; RFC 7946, sec. 11.2 asks for no more digits than are meant.
-        return shapely.transform(self.outlines_lon_lat, lambda lon_lat: np.round(lon_lat, 7))
+        states = FadingStates(service.states, now, service.method.belief)
+        return BelievedSpots(states, now, service.map.version, self.sheet)

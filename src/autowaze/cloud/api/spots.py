@@ -65,13 +65,13 @@ def spot_routes(book: SpotBook) -> APIRouter:
     async def spots() -> Response:
         """Every spot with state, probability, age."""
         # In a thread: a city's spots take a second, and cars shall not wait for it.
-        return await asyncio.to_thread(_collection, book, await book.believed())
+        return await asyncio.to_thread(_collection, await book.believed())
 
     return router
 
 
-def _collection(book: SpotBook, believed: BelievedSpots) -> Response:
-    features = [book.feature(row, believed) for row in range(len(book))]
+def _collection(believed: BelievedSpots) -> Response:
+    features = [believed.feature(row) for row in range(len(believed.sheet))]
     document = {"type": "FeatureCollection", "map_version": believed.version, "features": features}
     return json_response(document, GEOJSON)
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import uuid
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,8 @@ from autowaze.world.parking import ParkingMap
 _NAMESPACE = uuid.uuid5(uuid.NAMESPACE_URL, "https://github.com/autowaze/cds")
 REACH_M = 1.0
 """Spots with gaps of less than twice this lie in one zone, which ends so far around them."""
+FARTHEST_NEIGHBOUR_M = 12.0
+"""Farther than the mitred rims of two spots can reach towards each other (GEOS cuts mitres at five times the rim)."""
 _ANGLES = ("parallel", "perpendicular", "angled")
 
 
@@ -54,17 +58,61 @@ class Kerb:
     def __init__(self, parking_map: ParkingMap) -> None:
         self.georeference = parking_map.georeference
         self.polygons = np.array([spot.polygon for spot in parking_map.spots], dtype=np.object_)
-        self.numbers = tuple(spot.id for spot in parking_map.spots)
-        self.space_ids = tuple(cds_id("space", self.georeference, spot.id) for spot in parking_map.spots)
-        self.row_of_space = {space_id: row for row, space_id in enumerate(self.space_ids)}
+        self.bounds = shapely.bounds(self.polygons)
+        self.numbers = [spot.id for spot in parking_map.spots]
+        self.kinds = [spot.kind for spot in parking_map.spots]
+        self.space_ids = [cds_id("space", self.georeference, spot.id) for spot in parking_map.spots]
         sides = np.array([_sides_cm(polygon) for polygon in self.polygons])
         self.length_cm, self.width_cm = sides[:, 0], sides[:, 1]
-        kinds = [spot.kind for spot in parking_map.spots]
-        self.zones = tuple(self._zone(rows, kinds) for rows in _neighbours(self.polygons))
+        self._adopt([self._zone(rows) for rows in _neighbours(self.polygons)])
+
+    def spliced(self, row: int, drawn: Kerb | None) -> Kerb:
+        """A kerb with one spot in the place of that in a row, or after all others, or none there; this one stays.
+
+        The zones are those that a new survey of all spots would find; only those around the place are surveyed.
+        """
+        affected = {zone.id: zone for near in self._near(row, drawn) if (zone := self.zone_of[near])}
+        kerb = copy.copy(self)
+        for column in ("numbers", "kinds", "space_ids"):
+            items = getattr(self, column)
+            setattr(kerb, column, items[:row] + (getattr(drawn, column) if drawn else []) + items[row + 1 :])
+        for column in ("polygons", "bounds", "length_cm", "width_cm"):
+            values = getattr(self, column)
+            middle = [getattr(drawn, column)] if drawn else []
+            setattr(kerb, column, np.concatenate([values[:row], *middle, values[row + 1 :]]))
+        moves = drawn is None
+
+        def moved(rows: Iterable[int]) -> tuple[int, ...]:
+            return tuple(r - (r > row) for r in rows) if moves else tuple(rows)
+
+        again = sorted(
+            {r for zone in affected.values() for r in moved(r for r in zone.rows if r != row)}
+            | ({row} if drawn else set())
+        )
+        zones = [
+            replace(z, rows=moved(z.rows)) if moves and z.rows[-1] > row else z
+            for z in self.zones
+            if z.id not in affected
+        ]
+        parts = _neighbours(kerb.polygons[again]) if again else []
+        zones += [kerb._zone(tuple(again[r] for r in part)) for part in parts]
+        kerb._adopt(sorted(zones, key=lambda zone: zone.rows))
+        return kerb
+
+    def _near(self, row: int, drawn: Kerb | None) -> list[int]:
+        """Spots whose zones may change with that in a row."""
+        places = [*self.bounds[row : row + 1], *(drawn.bounds if drawn else [])]
+        low, high = self.bounds[:, :2] - FARTHEST_NEIGHBOUR_M, self.bounds[:, 2:] + FARTHEST_NEIGHBOUR_M
+        near = [np.flatnonzero((low <= place[2:]).all(axis=1) & (high >= place[:2]).all(axis=1)) for place in places]
+        return [int(row) for row in np.unique(np.concatenate(near))]
+
+    def _adopt(self, zones: list[Zone]) -> None:
+        self.zones = tuple(zones)
         self.zone_of = {row: zone for zone in self.zones for row in zone.rows}
         self.zone_by_id = {zone.id: zone for zone in self.zones}
+        self.row_of_space = {space_id: row for row, space_id in enumerate(self.space_ids)}
 
-    def _zone(self, rows: tuple[int, ...], kinds: list[str]) -> Zone:
+    def _zone(self, rows: tuple[int, ...]) -> Zone:
         spots = self.polygons[list(rows)]
         # A little farther than neighbours are looked for, so that those who touch in one point become one piece.
         around = shapely.union_all(shapely.buffer(spots, 1.01 * REACH_M, cap_style="square", join_style="mitre"))
@@ -72,7 +120,7 @@ class Kerb:
         lon_lat = shapely.transform(polygon, self.georeference.to_lon_lat)
         outline = shapely.orient_polygons(shapely.transform(lon_lat, lambda points: np.round(points, 7)))
         length, width = _sides_cm(shapely.union_all(spots))
-        of_spots = {kinds[row] for row in rows}
+        of_spots = {self.kinds[row] for row in rows}
         angle = next(iter(of_spots)) if len(of_spots) == 1 and of_spots <= set(_ANGLES) else None
         zone_id = cds_id("zone", self.georeference, self.numbers[rows[0]])
         return Zone(zone_id, rows, polygon, json.loads(shapely.to_geojson(outline)), length, width, angle)

@@ -25,6 +25,7 @@ from autowaze.cloud.api.intake import Intake
 from autowaze.cloud.api.meters import Meters
 from autowaze.cloud.api.mqtt_broadcast import MqttBroadcast
 from autowaze.cloud.api.mqtt_gateway import MqttGateway
+from autowaze.cloud.api.nearest import ParkingGuide, nearest_routes
 from autowaze.cloud.api.operations import operation_routes
 from autowaze.cloud.api.problems import answer_with_problems
 from autowaze.cloud.api.security import SecurityHeaders
@@ -35,6 +36,7 @@ from autowaze.cloud.api.streets import street_routes
 from autowaze.cloud.broadcast import Update
 from autowaze.cloud.durable import DurableService
 from autowaze.cloud.fleet import Fleet
+from autowaze.cloud.nearest import SpotFinder
 from autowaze.cloud.passes import PassJournal
 from autowaze.cloud.store.tokens import Scope
 from autowaze.world.broker import BrokerAddress
@@ -108,6 +110,7 @@ def create_app(
     app.include_router(ingest_socket_routes(desk, guard))
     app.include_router(map_routes(intake), dependencies=[Depends(guard.admits(Scope.MAP))])
     app.include_router(spot_routes(book))
+    app.include_router(nearest_routes(ParkingGuide(book, SpotFinder(streets))))
     app.include_router(street_routes(streets))
     app.include_router(feature_routes(book, dashboard))
     app.include_router(dashboard_routes(dashboard))

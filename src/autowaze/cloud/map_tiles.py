@@ -55,7 +55,7 @@ class MapTiles:
 
     def insert(self, number: int, features: MapFeatures, version: int) -> tuple[Tile, ...]:
         """Note a block that came with a version; returns its tiles, sorted."""
-        tiles = tuple(sorted(set(self.of(features))))
+        tiles = tuple(tile for tile, _ in self._parts(features))
         self._tiles_of_block[number] = tiles
         for tile in tiles:
             record = self._changed(tile, version)
@@ -64,15 +64,14 @@ class MapTiles:
 
     def remove(self, features: MapFeatures, version: int) -> tuple[Tile, ...]:
         """Note features that went with a version; returns their tiles, sorted."""
-        ids: dict[Tile, list[int]] = {}
-        for tile, feature_id in zip(self.of(features), features.id.tolist(), strict=False):
-            ids.setdefault(tile, []).append(feature_id)
-        for tile, gone in ids.items():
+        parts = self._parts(features)
+        for tile, rows in parts:
             record = self._changed(tile, version)
-            record.gone.append((version, np.array(gone, np.uint64)))
+            gone = features.id[rows]
+            record.gone.append((version, gone))
             record.gone_count += len(gone)
             _bound(record)
-        return tuple(sorted(ids))
+        return tuple(tile for tile, _ in parts)
 
     def forget(self, number: int) -> None:
         """Drop a block of which nothing is left."""
@@ -103,11 +102,21 @@ class MapTiles:
         parts = [ids for version, ids in record.gone if version > since] if record else []
         return np.sort(np.concatenate([np.zeros(0, np.uint64), *parts]))
 
-    def of(self, features: MapFeatures) -> list[Tile]:
-        """The tile of each feature; empty where the map floats freely."""
+    def inside(self, tile: Tile, features: MapFeatures) -> MapFeatures:
+        """Those of the features that lie in a tile."""
+        if self._georeference is None:
+            return features[:0]
+        return features[(tiles_of_map(features.position, self._georeference) == tile).all(axis=1)]
+
+    def _parts(self, features: MapFeatures) -> list[tuple[Tile, NDArray[np.int64] | slice]]:
+        """The tiles that features lie in, sorted, and the rows of each; none where the map floats freely."""
         if self._georeference is None or len(features) == 0:
             return []
-        return [Tile(x, y) for x, y in tiles_of_map(features.position, self._georeference).tolist()]
+        cells = tiles_of_map(features.position, self._georeference)
+        if (cells == cells[0]).all():
+            return [(Tile(*cells[0].tolist()), slice(None))]
+        tiles, part = np.unique(cells, axis=0, return_inverse=True)
+        return [(Tile(*tile), np.flatnonzero(part == number)) for number, tile in enumerate(tiles.tolist())]
 
     def _changed(self, tile: Tile, version: int) -> TileRecord:
         record = self.records.get(tile)

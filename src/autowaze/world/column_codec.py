@@ -8,6 +8,7 @@ length before they allocate, so that bytes from a stranger cost no more than the
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from autowaze.world.errors import WireError
@@ -42,15 +43,28 @@ def unpack_integers(data: bytes, count: int, low: int, high: int, what: str) -> 
     width = data[0] & _WIDTH_MASK if data else -1
     if not data or width > 8 or data[0] & ~(_WIDTH_MASK | _DELTA) or len(data) != 1 + width * count:
         raise WireError(f"{what}: {len(data)} bytes do not hold {count} values")
-    words = np.zeros((count, 8), np.uint8)
-    words[:, :width] = np.frombuffer(data, np.uint8, offset=1).reshape(width, count).T
-    zigzag = words.view("<u8").reshape(count)
-    column = (zigzag >> np.uint64(1)).astype(np.int64) ^ -(zigzag & np.uint64(1)).astype(np.int64)
-    if data[0] & _DELTA:
-        column = np.cumsum(column, dtype=np.int64)
-    if column.min() < low or column.max() > high:
+    column: NDArray[np.int64]
+    column, smallest, largest = _unpacked(np.frombuffer(data, np.uint8, offset=1), width, count, data[0] & _DELTA)
+    if smallest < low or largest > high:
         raise WireError(f"{what}: a value lies outside {low}..{high}")
     return column
+
+
+@njit("Tuple((int64[::1], int64, int64))(Array(uint8, 1, 'C', readonly=True), int64, int64, int64)", cache=True)
+def _unpacked(planes, width, count, delta):  # type: ignore[no-untyped-def]
+    """Values (count,) of zigzag byte planes, lowest byte first; the smallest and the largest."""
+    column = np.empty(count, np.int64)
+    total = np.int64(0)
+    smallest, largest = np.int64(np.iinfo(np.int64).max), np.int64(np.iinfo(np.int64).min)
+    for row in range(count):
+        zigzag = np.uint64(0)
+        for plane in range(width):
+            zigzag |= np.uint64(planes[plane * count + row]) << np.uint64(8 * plane)
+        value = np.int64(zigzag >> np.uint64(1)) ^ -np.int64(zigzag & np.uint64(1))
+        total = total + value if delta else value  # wraps, as the sums of two's complement do
+        column[row] = total
+        smallest, largest = min(smallest, total), max(largest, total)
+    return column, smallest, largest
 
 
 def pack_bits(mask: NDArray[np.bool_]) -> bytes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import fields
 from typing import Any, Self
 
 import numpy as np
@@ -18,18 +18,35 @@ class Columns:
     """
 
     def __post_init__(self) -> None:
-        lengths = {f.name: len(getattr(self, f.name)) for f in fields(self)}  # type: ignore[arg-type]
+        lengths = {name: len(getattr(self, name)) for name in names_of(type(self))}
         if len(set(lengths.values())) > 1:
             raise AutowazeError(f"{type(self).__name__}: columns differ in length: {lengths}")
 
     def __len__(self) -> int:
-        return len(getattr(self, fields(self)[0].name))  # type: ignore[arg-type]
+        return len(getattr(self, names_of(type(self))[0]))
 
     def __getitem__(self, rows: NDArray[Any] | slice) -> Self:
-        return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self)})  # type: ignore[type-var,arg-type]
+        return self._of({name: getattr(self, name)[rows] for name in names_of(type(self))})
 
     @classmethod
     def concatenate(cls, parts: list[Self]) -> Self:
         """All rows of the parts, in order; an empty list is an error (build an `empty()` instead)."""
-        names = [f.name for f in fields(cls)]  # type: ignore[arg-type]
-        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+        return cls._of({name: np.concatenate([getattr(part, name) for part in parts]) for name in names_of(cls)})
+
+    @classmethod
+    def _of(cls, columns: dict[str, NDArray[Any]]) -> Self:
+        """Columns known to be of one length: services do this a hundred times per diff, so nothing is checked."""
+        rows = object.__new__(cls)
+        rows.__dict__.update(columns)
+        return rows
+
+
+_NAMES: dict[type, tuple[str, ...]] = {}
+
+
+def names_of(kind: type[Columns]) -> tuple[str, ...]:
+    """Names of the columns of a class, in order."""
+    names = _NAMES.get(kind)
+    if names is None:
+        names = _NAMES[kind] = tuple(f.name for f in fields(kind))  # type: ignore[arg-type]
+    return names

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from autowaze.traces import Trace
 from autowaze.vehicle.diffing import FrameObservation
+from autowaze.vehicle.downlink import Arrivals, Downlink
 from autowaze.vehicle.node import VehicleNode
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
 from autowaze.world.frame import StereoFrame
 from autowaze.world.map_diff import SemanticMapDiff
+from autowaze.world.map_update import MapUpdate
 from autowaze.world.wire import encode_diff
 
 Progress = Callable[[Iterable[StereoFrame], int], Iterable[StereoFrame]]
@@ -32,12 +34,15 @@ class DriveRecord:
         tracked: one per frame.
         diffs: the decoded diffs, and `messages` their bytes as sent.
         end_to_end_ms: per window, from the arrival of its last frame to the published update.
+        map_updates: what changed the stored map, by number of the window at the end of which it had come down. With
+            these in a `RecordedDownlink` the same drive gives the same diffs again.
     """
 
     tracked: list[TrackedFrame] = field(default_factory=list)
     diffs: list[SemanticMapDiff] = field(default_factory=list)
     messages: list[bytes] = field(default_factory=list)
     end_to_end_ms: list[float] = field(default_factory=list)
+    map_updates: dict[int, MapUpdate] = field(default_factory=dict)
 
     @property
     def T_map_cam(self) -> NDArray[np.float64]:  # noqa: N802
@@ -69,8 +74,13 @@ def run_drive(
     receive: Callable[[bytes], object],
     progress: Progress | None = None,
     watch: Watcher | None = None,
+    downlink: Downlink | None = None,
+    show: Callable[[Arrivals], object] | None = None,
 ) -> DriveRecord:
-    """Drive a trace; every diff goes to `receive` as the bytes that a car sends."""
+    """Drive a trace; every diff goes to `receive` as the bytes that a car sends.
+
+    Between two windows the car takes in what has come down by then, and `show` is shown it.
+    """
     record = DriveRecord()
     frames = progress(trace, len(trace)) if progress else trace
     for frame in frames:
@@ -83,10 +93,22 @@ def run_drive(
         if diff is not None:
             _send(diff, receive, record)
             record.end_to_end_ms.append(1000 * (time.perf_counter() - arrived))
+            if downlink is not None:
+                _take_in(downlink.arrivals(record.tracked[-1].T_map_cam[:3, 3]), node, record, show)
     diff = node.finish()
     if diff is not None:
         _send(diff, receive, record)
     return record
+
+
+def _take_in(
+    arrivals: Arrivals, node: VehicleNode, record: DriveRecord, show: Callable[[Arrivals], object] | None
+) -> None:
+    if arrivals.map is not None:
+        node.adopt(arrivals.map)
+        record.map_updates[len(record.diffs) - 1] = arrivals.map
+    if show is not None:
+        show(arrivals)
 
 
 def _send(diff: SemanticMapDiff, receive: Callable[[bytes], object], record: DriveRecord) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import secrets
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -25,9 +25,10 @@ from autowaze.world.feature_map import FeatureMap
 from autowaze.world.features import CameraFeatures
 from autowaze.world.frame import StereoFrame
 from autowaze.world.georeference import Georeference
-from autowaze.world.identity import SESSION_BITS
+from autowaze.world.identity import ROW_BITS, SEQUENCE_BITS, SESSION_BITS
 from autowaze.world.instances import Detections, Tracks
 from autowaze.world.map_diff import SemanticMapDiff
+from autowaze.world.map_update import MapUpdate
 from autowaze.world.pose import Pose, heading_to_rotation, inverse, make_pose
 from autowaze.world.stage_times import StageTimes
 
@@ -122,6 +123,26 @@ class VehicleNode:
         with self.times.stage("diff"):
             self.window.add(self.observation, self.slam.landmarks)
             return self.window.close(self.slam.landmarks) if self.window.is_complete else None
+
+    def adopt(self, update: MapUpdate) -> None:
+        """Change the stored map between two windows, that is before the first frame or after one that gave a diff.
+
+        What this drive has sent itself is left out: it has those features already, as it sees them, and a car that
+        localised in its own map would be sure of its own drift.
+
+        Raises:
+            AutowazeError: a window is open, or the update is for another version of the map; nothing has changed.
+        """
+        own = update.added.id >> np.uint64(SEQUENCE_BITS + ROW_BITS) == np.uint64(self.session)
+        update = replace(update, added=update.added[~own])
+        stored = self.stored_map
+        if stored is None:
+            stored = FeatureMap(georeference=self._start.georeference or update.georeference)
+        changed = update.applied_to(stored)
+        if self._frames:
+            self.window.replace_stored(changed)
+            self.slam.replace_stored_features(update.added[update.added.described], update.removed)
+        self.stored_map = changed
 
     def finish(self) -> SemanticMapDiff | None:
         """The diff of the last, shorter window; the car can take no more frames."""

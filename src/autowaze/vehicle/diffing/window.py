@@ -18,6 +18,7 @@ from autowaze.vehicle.semantics.motion import Motions
 from autowaze.vehicle.slam.landmarks import Landmarks
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
 from autowaze.world.camera import StereoCamera
+from autowaze.world.errors import AutowazeError
 from autowaze.world.feature_map import FeatureMap, MapFeatures
 from autowaze.world.features import CameraFeatures
 from autowaze.world.georeference import Georeference
@@ -80,6 +81,13 @@ class DiffWindow:
             return False
         interval = self._times[-1] - self._times[-2]
         return self._times[-1] - self._times[0] + interval >= self.settings.window_s - interval / 2
+
+    def replace_stored(self, stored: FeatureMap) -> None:
+        """Compare with another version of the map from here on; raises `AutowazeError` in the middle of a window."""
+        if self._times:
+            raise AutowazeError("the stored map can change between two windows only")
+        self._stored = stored
+        self._open()
 
     def add(self, observation: FrameObservation, landmarks: Landmarks) -> None:
         """Count one frame."""

@@ -16,7 +16,7 @@ from autowaze.vehicle.slam.settings import SlamSettings
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
 from autowaze.vehicle.slam.tracker import Located, Tracker
 from autowaze.world.camera import StereoCamera
-from autowaze.world.feature_map import FeatureMap
+from autowaze.world.feature_map import FeatureMap, MapFeatures
 from autowaze.world.features import CameraFeatures
 from autowaze.world.pose import Pose, heading_to_rotation, inverse, make_pose, so3_log
 
@@ -102,6 +102,21 @@ class StereoSlam:
         if located is None:
             return self._lost(frame, timestamp, index, reason)
         return self._found(located, timestamp, index, reason)
+
+    def replace_stored_features(self, added: MapFeatures, removed: NDArray[np.uint64]) -> None:
+        """Change the stored map between two frames: take out these ids (R,), then put these features in.
+
+        The bundle adjustment under way is applied first, for it knows nothing of the change.
+        """
+        moved = self._mapper.finish()
+        if moved is not None and self._last is not None:
+            self._last = _moved(self._last, moved)
+        outdated = np.concatenate([removed, added.id])
+        self.landmarks.remove(self.landmarks.is_stored & np.isin(self.landmarks.map_id, outdated))
+        self.landmarks.add_stored(added)
+        self._has_map = bool(self.landmarks.is_stored.any())
+        if self._last is not None:
+            self._mapper.refresh_local(self._last.T_map_cam)
 
     def finish(self) -> None:
         """Wait for the bundle adjustment under way and apply it."""

@@ -83,19 +83,21 @@ def ingest_routes(intake: Intake, guard: Guard, meters: Meters) -> APIRouter:
     return router
 
 
-async def bounded_body(request: Request, most_bytes: int = MAX_MESSAGE_BYTES) -> bytes:
-    """The body of a request, never more of it than may be taken.
+async def bounded_body(
+    request: Request, most_bytes: int = MAX_MESSAGE_BYTES, kinds: tuple[str, ...] = (OCTETS,), thing: str = "a diff"
+) -> bytes:
+    """The body of a request of one of these media types, never more of it than may be taken.
 
     Raises:
         ProblemError: it is of another type, too large, or too slow to come.
     """
     kind = request.headers.get("content-type", "").split(";")[0].strip().lower()
-    if kind != OCTETS or request.headers.get("content-encoding", "identity") != "identity":
+    if kind not in kinds or request.headers.get("content-encoding", "identity") != "identity":
         raise ProblemError(
-            HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "unsupported_media_type", f"send {OCTETS} without encoding"
+            HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "unsupported_media_type", f"send {kinds[0]} without encoding"
         )
     too_large = ProblemError(
-        HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "too_large", f"a diff has at most {most_bytes} bytes: use shorter windows"
+        HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "too_large", f"{thing} has at most {most_bytes} bytes"
     )
     stated = request.headers.get("content-length", "")
     if stated.isdecimal() and int(stated) > most_bytes:
@@ -108,5 +110,7 @@ async def bounded_body(request: Request, most_bytes: int = MAX_MESSAGE_BYTES) ->
                     raise too_large
                 body += chunk
     except TimeoutError:
-        raise ProblemError(HTTPStatus.REQUEST_TIMEOUT, "too_slow", f"no diff within {PATIENCE_S:g} s") from None
+        raise ProblemError(
+            HTTPStatus.REQUEST_TIMEOUT, "too_slow", f"{thing} must come within {PATIENCE_S:g} s"
+        ) from None
     return bytes(body)

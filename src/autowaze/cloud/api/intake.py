@@ -12,8 +12,10 @@ from typing import TypeVar
 from autowaze.cloud.broadcast import Update
 from autowaze.cloud.durable import DurableService
 from autowaze.cloud.service import CloudService
+from autowaze.cloud.spot_edits import SpotEdit
 from autowaze.cloud.store import StoreError
 from autowaze.world.errors import AutowazeError, WireError
+from autowaze.world.parking import SpotState
 
 MOST_WAITING = 512
 """Diffs that wait to be taken in, 2.5 s at 200 a second; the next one is told to come again."""
@@ -98,6 +100,24 @@ class Intake:
     async def ask(self, question: Callable[[CloudService], _Answer]) -> _Answer:
         """The answer of the service as of a commit; keep questions short, diffs wait meanwhile."""
         return await asyncio.get_running_loop().run_in_executor(self._thread, lambda: question(self._durable.service))
+
+    async def edit(self, edit: SpotEdit, actor: str, then: Callable[[], None]) -> tuple[int, SpotState | None]:
+        """Draw or erase a spot; returns the version of the parking map and the state of the spot, both durable.
+
+        Args:
+            then: is called in the thread of the service before that answers another question.
+
+        Raises:
+            RefusedEditError: the spot cannot be so; nothing has changed.
+            StoreError: it could not be kept; nothing has changed.
+        """
+
+        def make() -> tuple[int, SpotState | None]:
+            made = self._durable.edit(edit, actor)
+            then()
+            return made
+
+        return await asyncio.get_running_loop().run_in_executor(self._thread, make)
 
     async def _take_in_for_ever(self) -> None:
         while True:

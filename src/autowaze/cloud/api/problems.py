@@ -15,6 +15,7 @@ from starlette.exceptions import HTTPException
 
 from autowaze.cloud.api.intake import BusyError
 from autowaze.cloud.broadcast import OutdatedMapError
+from autowaze.cloud.spot_edits import ClashingEditError, RefusedEditError
 from autowaze.cloud.store import StoreError
 from autowaze.cloud.validation import RefusedDiffError
 from autowaze.world.errors import AutowazeError, WireError
@@ -25,6 +26,8 @@ _STATUS_OF: tuple[tuple[type[AutowazeError], HTTPStatus, str], ...] = (
     (RefusedDiffError, HTTPStatus.UNPROCESSABLE_ENTITY, "diff_refused"),
     (WireError, HTTPStatus.BAD_REQUEST, "not_a_diff"),
     (OutdatedMapError, HTTPStatus.GONE, "map_outdated"),
+    (ClashingEditError, HTTPStatus.CONFLICT, "spot_clashes"),
+    (RefusedEditError, HTTPStatus.UNPROCESSABLE_ENTITY, "spot_refused"),
     (BusyError, HTTPStatus.SERVICE_UNAVAILABLE, "busy"),
     (StoreError, HTTPStatus.SERVICE_UNAVAILABLE, "not_kept"),
 )
@@ -96,8 +99,9 @@ async def _of_ours(request: Request, error: Exception) -> JSONResponse:
     for kind, status, name in _STATUS_OF:
         if isinstance(error, kind):
             again = {"Retry-After": str(RETRY_AFTER_S)} if status is HTTPStatus.SERVICE_UNAVAILABLE else None
-            description = "the diff could not be kept" if kind is StoreError else str(error)
-            return problem_response(status, name, description, headers=again)
+            description = "it could not be kept" if kind is StoreError else str(error)
+            details = error.faults if isinstance(error, RefusedEditError) else None
+            return problem_response(status, name, description, details, again)
     return await _of_the_unexpected(request, error)
 
 

@@ -127,6 +127,10 @@ class SpotBook:
     def __len__(self) -> int:
         return len(self.sheet)
 
+    def turn_to(self, sheet: SpotSheet) -> None:
+        """Spots lie there from now on; to be called in the thread of the service, together with the edit."""
+        self.sheet = sheet
+
     async def believed(self) -> BelievedSpots:
         """Every spot as it is believed now."""
         return await self._intake.ask(self._believed)

@@ -33,6 +33,7 @@ class SpotSheet:
 
     def __init__(self, parking_map: ParkingMap) -> None:
         self.georeference: Georeference = parking_map.georeference
+        self.survey_heading_rad = parking_map.survey_heading_rad
         self.ids = [spot.id for spot in parking_map.spots]
         self.kinds = [spot.kind for spot in parking_map.spots]
         polygons = np.array([spot.polygon for spot in parking_map.spots], dtype=np.object_)
@@ -57,6 +58,12 @@ class SpotSheet:
     def tree(self) -> shapely.STRtree:
         """R-tree over `outlines_lon_lat`."""
         return shapely.STRtree(self.outlines_lon_lat)
+
+    @property
+    def parking_map(self) -> ParkingMap:
+        """The spots as a parking map."""
+        spots = zip(self.ids, self.kerb.polygons.tolist(), self.kinds, strict=True)
+        return ParkingMap(tuple(ParkingSpot(*spot) for spot in spots), self.georeference, self.survey_heading_rad)
 
     def with_spot(self, spot: ParkingSpot) -> SpotSheet:
         """A sheet with this spot in the place of the one with its id, else after all others."""

@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from street import Street
+from street import Street, features
 
 from autowaze.cloud.belief import DWELL_S, Evidence, believe
 from autowaze.cloud.ground_votes import MAX_WINDOWS
 from autowaze.cloud.methods import FUSED, THESIS
 from autowaze.cloud.service import CloudService
+from autowaze.cloud.validation import RefusedDiffError
+from autowaze.world.feature_map import FeatureMap, MapFeatures
+from autowaze.world.identity import instance_keys
+from autowaze.world.labels import ClassLabel
+from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.parking import Occupancy
 
 STREET = Street(count=6)
@@ -127,6 +132,84 @@ def test_the_thesis_method_knows_no_sources():
     assert not THESIS.corroboration
     assert FUSED.corroboration
     assert services[0].states == services[1].states
+
+
+def landmarks(session, start=1000.0, label=ClassLabel.BACKGROUND):
+    """A diff that brings ten features to localise by."""
+    places = np.column_stack([np.arange(10.0), np.zeros(10), np.ones(10)])
+    new = features(session, 0, places, [np.zeros(10)], start)
+    return SemanticMapDiff(session, 0, start, start + 5.0, new=replace(new, label=np.full(10, label, np.uint8)))
+
+
+def missing(ids, session, start=1100.0, sequence=1):
+    return SemanticMapDiff(session, sequence, start, start + 5.0, removed=np.unique(ids))
+
+
+def test_what_cars_localise_by_goes_when_two_miss_it():
+    service, known = CloudService(STREET.parking_map), landmarks(1)
+    told(service, [known])
+    told(service, [missing(known.new.id, session=2)], source=77)
+    told(service, [missing(known.new.id, session=3)], source=77)  # another session of the same token
+    assert len(service.map.features) == 10
+    told(service, [missing(known.new.id[:4], session=4)], source=78)
+    assert service.map.features.id.tolist() == known.new.id[4:].tolist()
+
+
+def test_a_source_takes_back_what_it_brought_and_one_voice_moves_a_vehicle():
+    service, known, car = CloudService(STREET.parking_map), landmarks(1), landmarks(2, label=ClassLabel.CAR)
+    told(service, [known], source=77)
+    told(service, [car, missing(car.new.id, session=5)])
+    told(service, [missing(known.new.id, session=6)], source=77)
+    assert len(service.map.features) == 0
+
+
+def test_nobody_can_miss_what_was_not_there_yet():
+    service, car = CloudService(STREET.parking_map), landmarks(2, start=1200.0, label=ClassLabel.CAR)
+    told(service, [missing(car.new.id, session=5, start=1100.0)])
+    told(service, [car])
+    assert len(service.map.features) == 10
+
+
+def test_one_voice_is_enough_against_a_survey_for_vehicles_only():
+    known, car = landmarks(1), landmarks(2, label=ClassLabel.CAR)
+    both = MapFeatures.concatenate([known.new, replace(car.new, instance_key=instance_keys(2, np.ones(10, np.int64)))])
+    service = CloudService(STREET.parking_map, base_map=FeatureMap(both))
+    told(service, [missing(both.id, session=5, start=10.0)])
+    assert service.map.features.id.tolist() == known.new.id.tolist()
+    told(service, [missing(both.id, session=6, start=20.0)])
+    assert len(service.map.features) == 0
+
+
+def test_removals_that_wait_are_bounded_per_source():
+    service = CloudService(STREET.parking_map)
+    for sequence in range(4):
+        ids = np.arange(1 << 16, dtype=np.uint64) + np.uint64((7 << 24) + (sequence << 16))
+        told(service, [missing(ids, session=5, sequence=sequence)])
+    with pytest.raises(RefusedDiffError, match="too many features removed"):
+        told(service, [missing(np.array([1 << 40], np.uint64), session=5, sequence=9)])
+    told(service, [missing(np.array([1 << 40], np.uint64), session=6)])
+
+
+@given(
+    votes=st.lists(
+        st.tuples(st.integers(2, 4), st.integers(0, 9), st.sampled_from([900.0, 1100.0])), min_size=1, max_size=8
+    ),
+    data=st.data(),
+)
+@settings(max_examples=60, deadline=None)
+def test_removals_count_in_any_order(votes, data):
+    diffs = [landmarks(1)] + [
+        missing(landmarks(1).new.id[row:], session=session, start=start, sequence=sequence)
+        for sequence, (session, row, start) in enumerate(votes)
+    ]
+    shuffled = data.draw(st.permutations(diffs))
+    maps = []
+    for order in (diffs, shuffled):
+        service = CloudService(STREET.parking_map)
+        for diff in order:
+            service.integrate(diff)
+        maps.append(service.map.features.id.tolist())
+    assert maps[0] == maps[1]
 
 
 @given(

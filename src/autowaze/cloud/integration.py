@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from autowaze.cloud.instances import InstanceTable
 from autowaze.cloud.map_tiles import MapTiles, OutdatedMapError
-from autowaze.cloud.validation import RefusedDiffError
+from autowaze.cloud.removals import RemovalVotes
+from autowaze.cloud.witnesses import Witnesses
 from autowaze.world.feature_map import FeatureMap, MapFeatures
 from autowaze.world.georeference import Georeference
 from autowaze.world.identity import ROW_BITS, SEQUENCE_BITS, instance_keys
@@ -23,9 +24,6 @@ from autowaze.world.labels import is_vehicle
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.map_update import MapUpdate
 from autowaze.world.tiles import Tile
-
-MAX_AWAITED_REMOVALS = 1 << 22
-"""Removed ids whose features have not arrived; more than this is no reordering but an attack."""
 
 MAX_WINDOWS = 32
 """Windows whose features of one instance are looked at; a track is lost long before."""
@@ -52,9 +50,20 @@ class MapChange:
 
 
 class MapState:
-    """The map that the service keeps true."""
+    """The map that the service keeps true.
 
-    def __init__(self, base_map: FeatureMap | None = None, georeference: Georeference | None = None) -> None:
+    Args:
+        base_map: what it starts from.
+        georeference: of its frame, where the base map names none.
+        witnesses: whose word sessions are, for removals that need corroboration; None lets every removal count.
+    """
+
+    def __init__(
+        self,
+        base_map: FeatureMap | None = None,
+        georeference: Georeference | None = None,
+        witnesses: Witnesses | None = None,
+    ) -> None:
         base_map = base_map or FeatureMap()
         self.georeference = base_map.georeference or georeference
         self.instances = InstanceTable()
@@ -63,8 +72,8 @@ class MapState:
         self._blocks: dict[int, MapFeatures] = {}
         self._accepted: dict[int, int] = {}
         self._accepted_count = 0
-        self._awaited_removals: dict[int, set[int]] = {}
-        self._awaited_count = 0
+        self._witnesses = witnesses or Witnesses()
+        self._votes = RemovalVotes(corroboration=witnesses is not None)
         self._blocks_of_instance: dict[int, set[int]] = {}
         self._left: deque[tuple[int, int]] = deque()
         for number, block in _by_block(base_map.features):
@@ -94,12 +103,11 @@ class MapState:
         """
         if self.knows(diff):
             return None
-        if self._awaited_count + len(diff.removed) > MAX_AWAITED_REMOVALS:
-            raise RefusedDiffError("too many features removed that are not in the map; send the additions first")
+        self._votes.require_room(len(diff.removed), self._witnesses.of(diff.session))
         self._accepted[diff.session] = self._accepted.get(diff.session, 0) | 1 << diff.sequence
         self._accepted_count += 1
         added = self._add(_block_of(diff), diff.new)
-        removed = self._remove(diff.removed)
+        removed = self._remove(diff.removed, self._witnesses.of(diff.session), diff.end)
         lasting = ~np.isin(added.id, removed.id)
         gone = removed[~np.isin(removed.id, added.id)]
         tiles = {*self.tiles.insert(_block_of(diff), added[lasting], self.version)}
@@ -122,9 +130,18 @@ class MapState:
         gone = np.zeros(0, np.uint64) if since is None else self.tiles.gone_since(tile, since)
         parts = [MapFeatures.empty()]
         for number in self.tiles.blocks_since(tile, since):
-            block = self._blocks[number]
-            parts.append(block[np.array([t == tile for t in self.tiles.of(block)], np.bool_)])
+            parts.append(self.tiles.inside(tile, self._blocks[number]))
         return MapUpdate(since or 0, self.version, MapFeatures.concatenate(parts), gone, self.georeference)
+
+    def positions_of(self, ids: NDArray[np.uint64]) -> NDArray[np.float64]:
+        """Positions (R, 3) of those of these features (K,) that are in the map."""
+        numbers = ids >> np.uint64(ROW_BITS)
+        found = [np.zeros((0, 3))]
+        for number in np.unique(numbers).tolist():
+            block = self._blocks.get(number)
+            if block is not None:
+                found.append(block.position[np.isin(block.id, ids[numbers == np.uint64(number)])])
+        return np.concatenate(found)
 
     def vehicle_features(self, instances: NDArray[np.uint64]) -> MapFeatures:
         """Features with a vehicle's label that belong to these instances, sorted by id.
@@ -144,10 +161,8 @@ class MapState:
     def _add(self, number: int, features: MapFeatures) -> MapFeatures:
         if number in self._blocks:
             return MapFeatures.empty()
-        awaited = self._awaited_removals.pop(number, set())
-        self._awaited_count -= len(awaited)
-        if awaited:
-            features = features[~np.isin(features.id, np.fromiter(awaited, np.uint64, len(awaited)))]
+        features = features[~self._votes.condemned(number, features, self._owner(number))]
+        self._votes.settle(number, features.id)
         self._insert(number, features)
         return features
 
@@ -157,21 +172,20 @@ class MapState:
             if key:
                 self._blocks_of_instance.setdefault(key, set()).add(number)
 
-    def _remove(self, ids: NDArray[np.uint64]) -> MapFeatures:
+    def _remove(self, ids: NDArray[np.uint64], source: int, end: float) -> MapFeatures:
         gone = []
         numbers = ids >> np.uint64(ROW_BITS)
         for number in np.unique(numbers).tolist():
             of_block = ids[numbers == np.uint64(number)]
             block = self._blocks.get(number)
+            if block is None and self._arrived(number):
+                continue
+            self._votes.add(number, of_block, source, end)
             if block is not None:
-                is_gone = np.isin(block.id, of_block)
+                is_gone = self._votes.condemned(number, block, self._owner(number))
                 gone.append(block[is_gone])
                 self._keep(number, block[~is_gone], gone[-1])
-            elif not self._arrived(number):
-                awaited = self._awaited_removals.setdefault(number, set())
-                self._awaited_count -= len(awaited)
-                awaited.update(of_block.tolist())
-                self._awaited_count += len(awaited)
+                self._votes.settle(number, block.id[~is_gone])
         return MapFeatures.concatenate(gone) if gone else MapFeatures.empty()
 
     def _keep(self, number: int, left: MapFeatures, gone: MapFeatures) -> None:
@@ -194,6 +208,10 @@ class MapState:
             key = self._left.popleft()[1]
             if key not in self._blocks_of_instance:
                 self.instances.forget(key)
+
+    def _owner(self, number: int) -> int:
+        """Whose word the features of a block are."""
+        return self._witnesses.of(number >> SEQUENCE_BITS)
 
     def _arrived(self, number: int) -> bool:
         session, sequence = number >> SEQUENCE_BITS, number & ((1 << SEQUENCE_BITS) - 1)

@@ -51,9 +51,9 @@ class CloudService:
     def __init__(self, spots: ParkingMap, method: str | Method = FUSED, base_map: FeatureMap | None = None) -> None:
         self.method = method_named(method) if isinstance(method, str) else method
         self.spots = SpotIndex(spots)
-        self.map = MapState(base_map, spots.georeference)
-        self.ground = GroundVotes(self.spots, CROWDING_S if self.method.corroboration else 0.0)
         self.witnesses = Witnesses(base_map)
+        self.map = MapState(base_map, spots.georeference, self.witnesses if self.method.corroboration else None)
+        self.ground = GroundVotes(self.spots, CROWDING_S if self.method.corroboration else 0.0)
         self.scene = VehicleScene()
         self.changes = ChangeLog(self.map.version)
         self.spot_tiles = SpotTiles(self.spots.centre, spots.georeference, self.map.version)
@@ -83,10 +83,11 @@ class CloudService:
         """
         with self.times.stage("integration"):
             check_diff(diff, self.map.georeference)
+            source = self.witnesses.note(diff.session, source)
             change = self.map.integrate(diff if self.method.removals else _additions_only(diff))
             if change is None:
                 return Update(False, self.map.version, (), [], self.changes.nothing())
-            looked_at = self.ground.add(diff, self.witnesses.note(diff.session, source))
+            looked_at = self.ground.add(diff, source)
         with self.times.stage("grouping"):
             groups = self._group(change.instances)
         with self.times.stage("outliers"):

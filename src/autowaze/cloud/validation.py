@@ -24,7 +24,15 @@ MAX_REMOVED = 1 << 16
 
 
 class RefusedDiffError(WireError):
-    """A well-formed diff that says something impossible; the service goes on as if it had never come."""
+    """A well-formed diff that says something impossible; the service goes on as if it had never come.
+
+    Attributes:
+        reason: of what kind, one word for counters and the audit log.
+    """
+
+    def __init__(self, message: str, reason: str = "impossible") -> None:
+        super().__init__(message)
+        self.reason = reason
 
 
 def check_diff(diff: SemanticMapDiff, georeference: Georeference | None) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from autowaze.world.feature_map import FeatureMap
-from autowaze.world.identity import INSTANCE_BITS
+from autowaze.world.identity import INSTANCE_BITS, ROW_BITS, SEQUENCE_BITS
 
 SURVEY = 0
 """The source of all that the base map says."""
@@ -19,8 +19,12 @@ class Witnesses:
     """
 
     def __init__(self, base_map: FeatureMap | None = None) -> None:
-        keys = (base_map or FeatureMap()).features.instance_key
-        self._sources = dict.fromkeys(np.unique(keys >> np.uint64(INSTANCE_BITS)).tolist(), SURVEY)
+        surveyed = (base_map or FeatureMap()).features
+        sessions = [
+            surveyed.id >> np.uint64(SEQUENCE_BITS + ROW_BITS),
+            surveyed.instance_key >> np.uint64(INSTANCE_BITS),
+        ]
+        self._sources = dict.fromkeys(np.unique(np.concatenate(sessions)).tolist(), SURVEY)
 
     def note(self, session: int, source: int | None) -> int:
         """Learn the source of a session that reports; returns whose word it is."""

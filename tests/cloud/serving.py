@@ -43,15 +43,21 @@ class Site:
 
 
 @contextmanager
-def running(path, tokens=None, limit=None, street=STREET, admit=None, **parts):
-    """A service in a thread of this process."""
+def running(path, tokens=None, limit=None, street=STREET, admit=None, received=lambda: NOW, replays=False, **parts):
+    """A service in a thread of this process; `received` is its clock for the time of receipt."""
     store = SqliteStore(path)
     journal = PassJournal()
-    durable = DurableService(lambda: CloudService(street.parking_map), store, lambda: NOW, admit, journal.note)
+    durable = DurableService(lambda: CloudService(street.parking_map), store, received, admit, journal.note)
     listening = listening_socket("127.0.0.1", 0)
     site = Site(f"http://127.0.0.1:{listening.getsockname()[1]}", durable, street)
     app = create_app(
-        durable, street.parking_map, Guard(tokens, limit), lambda: site.now, journal, surveyed_at=500.0, **parts
+        durable,
+        street.parking_map,
+        Guard(tokens, limit),
+        None if replays else lambda: site.now,
+        journal,
+        surveyed_at=500.0,
+        **parts,
     )
     server = WebServer(app)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})

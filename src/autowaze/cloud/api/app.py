@@ -19,6 +19,7 @@ from autowaze.cloud.api.feature_map import map_routes
 from autowaze.cloud.api.features import feature_routes
 from autowaze.cloud.api.fleet import FleetFeed, fleet_routes
 from autowaze.cloud.api.guard import Guard
+from autowaze.cloud.api.history import SpotHistory, history_routes
 from autowaze.cloud.api.ingest import ingest_routes
 from autowaze.cloud.api.ingest_socket import ingest_socket_routes
 from autowaze.cloud.api.intake import Intake
@@ -30,6 +31,7 @@ from autowaze.cloud.api.operations import operation_routes
 from autowaze.cloud.api.problems import answer_with_problems
 from autowaze.cloud.api.security import SecurityHeaders
 from autowaze.cloud.api.spot_book import SpotBook
+from autowaze.cloud.api.spot_collection import SpotCollections
 from autowaze.cloud.api.spots import spot_routes
 from autowaze.cloud.api.stats import Panel, stats_routes
 from autowaze.cloud.api.streets import street_routes
@@ -86,6 +88,7 @@ def create_app(
     panel = Panel(book, intake, feed, meters, len(durable.service.map.features))
     fleet_feed = FleetFeed(Fleet(clock), parking_map.georeference)
     broadcasts += [panel.note, fleet_feed.note]
+    history = SpotHistory(durable.store, book, replays=clock is None)
     dashboard = Dashboard()
     desk = DiffDesk(intake, guard, meters)
     spots_by_mqtt = MqttBroadcast(book, intake) if broker else None
@@ -109,7 +112,8 @@ def create_app(
     app.include_router(ingest_routes(intake, guard, meters))
     app.include_router(ingest_socket_routes(desk, guard))
     app.include_router(map_routes(intake), dependencies=[Depends(guard.admits(Scope.MAP))])
-    app.include_router(spot_routes(book))
+    app.include_router(spot_routes(book, SpotCollections(book, history)))
+    app.include_router(history_routes(history))
     app.include_router(nearest_routes(ParkingGuide(book, SpotFinder(streets))))
     app.include_router(street_routes(streets))
     app.include_router(feature_routes(book, dashboard))

@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import asyncio
 import json
-from typing import Any, Literal
+from http import HTTPStatus
+from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Header, Query, Response
 from pydantic import BaseModel, Field
 
-from autowaze.cloud.api.spot_book import BelievedSpots, SpotBook
+from autowaze.cloud.api.bounding_box import BBOX, box_asked_for
+from autowaze.cloud.api.history import LATEST
+from autowaze.cloud.api.problems import problems
+from autowaze.cloud.api.spot_book import SpotBook
+from autowaze.cloud.api.spot_collection import GEOJSON, SpotCollections
 
-GEOJSON = "application/geo+json"
+__all__ = ["GEOJSON", "RectangleModel", "SpotCollection", "SpotFeature", "json_response", "spot_routes"]
+
+_Moment = Annotated[
+    float | None,
+    Query(ge=0, le=LATEST, allow_inf_nan=False, description="As believed at this time, seconds since the epoch (UTC)."),
+]
 
 
 class RectangleModel(BaseModel):
@@ -48,32 +58,37 @@ class SpotCollection(BaseModel):
     """All spots."""
 
     type: Literal["FeatureCollection"]
-    map_version: int
+    map_version: int | None = Field(description="Null for a time in the past.")
     features: list[SpotFeature]
 
 
-def spot_routes(book: SpotBook) -> APIRouter:
+def spot_routes(book: SpotBook, collections: SpotCollections) -> APIRouter:
     """`/vacant` and `/spots.geojson`."""
     router = APIRouter(tags=["spots"])
 
     @router.get("/vacant", responses={200: {"model": list[RectangleModel]}})
     async def vacant() -> Response:
         """Rectangles of the vacant spots (thesis, sec. 3.3.6)."""
-        return json_response(book.vacant_rectangles(await book.believed()))
-
-    @router.get("/spots.geojson", responses={200: {"model": SpotCollection, "content": {GEOJSON: {}}}})
-    async def spots() -> Response:
-        """Every spot with state, probability, age."""
+        believed = await book.believed()
         # In a thread: a city's spots take a second, and cars shall not wait for it.
-        return await asyncio.to_thread(_collection, await book.believed())
+        return json_response(await asyncio.to_thread(book.vacant_rectangles, believed))
+
+    @router.get(
+        "/spots.geojson",
+        responses={200: {"model": SpotCollection, "content": {GEOJSON: {}}}, **problems(HTTPStatus.BAD_REQUEST)},
+    )
+    async def spots(
+        bbox: BBOX = None,
+        at: _Moment = None,
+        accept_encoding: Annotated[str, Header(max_length=1000)] = "",
+    ) -> Response:
+        """Every spot with state, probability, age; now or at a time, all or those that a box touches."""
+        box = None if bbox is None else box_asked_for(bbox)
+        if at is not None:
+            return await collections.at(at, box)
+        return await collections.now(box, "gzip" in accept_encoding)
 
     return router
-
-
-def _collection(believed: BelievedSpots) -> Response:
-    features = [believed.feature(row) for row in range(len(believed.sheet))]
-    document = {"type": "FeatureCollection", "map_version": believed.version, "features": features}
-    return json_response(document, GEOJSON)
 
 
 def json_response(document: object, media_type: str = "application/json") -> Response:

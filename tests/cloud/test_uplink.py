@@ -10,12 +10,21 @@ import threading
 import time
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from serving import STREET, running
 from shapely.geometry import mapping
 
-from autowaze.cli.remote_drive import in_the_services_frame, service_map, uplink_to
+from autowaze.cli.remote_drive import (
+    RemoteCloud,
+    downlink_from,
+    first_map,
+    in_the_services_frame,
+    show_arrivals,
+    uplink_to,
+)
 from autowaze.cloud.service import CloudService
 from autowaze.cloud.store import SqliteStore
 from autowaze.cloud.store.tokens import Scope, TokenRegister
@@ -25,6 +34,7 @@ from autowaze.vehicle.node import StartingPoint
 from autowaze.vehicle.outbox import Outbox
 from autowaze.vehicle.uplink import HttpTransport, Outcome, Uplink
 from autowaze.world.errors import AutowazeError
+from autowaze.world.frame import GnssFix
 from autowaze.world.parking import ParkingMap
 
 KILLS = 2
@@ -134,12 +144,23 @@ def test_a_car_follows_the_services_map(site, payloads):
         assert brought_up_to_date(stored, connection).version == len(payloads)
 
 
-def test_a_drive_sends_to_the_service_in_its_map_frame(site, tmp_path, payloads, capsys):
-    start = in_the_services_frame(StartingPoint(), service_map(site.url, None))
-    assert start.georeference == site.street.parking_map.georeference
-    with uplink_to(site.url, None, tmp_path / "outbox") as uplink:
-        uplink.send(payloads[0])
-    assert "1 diffs acknowledged, 0 refused" in capsys.readouterr().out
+def test_a_drive_sends_to_the_service_in_its_map_frame_and_follows_it(site, tmp_path, payloads, capsys):
+    remote = RemoteCloud(site.url.replace("http", "ws"))
+    for fix in (None, GnssFix(-73.0, 40.0)):
+        stored = first_map(remote, [SimpleNamespace(gnss=fix)])
+        start = in_the_services_frame(StartingPoint(), stored)
+        assert start.georeference == site.street.parking_map.georeference
+    with uplink_to(remote, tmp_path / "outbox") as uplink, downlink_from(remote, stored) as downlink:
+        for payload in payloads:
+            uplink.send(payload)
+        assert uplink.flush(20)
+        show_arrivals(downlink.arrivals(np.zeros(3)))
+        assert downlink.settle(10)
+        show_arrivals(downlink.arrivals(np.zeros(3)))
+    shown = capsys.readouterr().out
+    assert f"{len(payloads)} diffs acknowledged, 0 refused" in shown
+    assert f"map {len(payloads)}: +" in shown
+    assert "free near here: S" in shown
 
 
 @pytest.mark.parametrize("url", ["parking.example", "ftp://parking.example", "http://", "http://a:port"])

@@ -22,7 +22,14 @@ from autowaze.cli.options import (
     segmenter,
     show_progress,
 )
-from autowaze.cli.remote_drive import in_the_services_frame, service_map, uplink_to
+from autowaze.cli.remote_drive import (
+    RemoteCloud,
+    downlink_from,
+    first_map,
+    in_the_services_frame,
+    show_arrivals,
+    uplink_to,
+)
 from autowaze.cloud.service import CloudService
 from autowaze.evaluation.birdseye import draw_birdseye
 from autowaze.evaluation.datum import Start, starting_point
@@ -50,7 +57,13 @@ def drive(
     video: Annotated[Path | None, typer.Option(help="Overlays: an .mp4 file, or a folder of pictures.")] = None,
     vacant: Annotated[Path | None, typer.Option(help="Write the vacant rectangles (JSON) here.")] = None,
     json_file: JsonFile = None,
-    cloud_url: Annotated[str | None, typer.Option("--cloud", help="Send to the service at this URL.")] = None,
+    cloud_url: Annotated[
+        str | None,
+        typer.Option("--cloud", help="Send to the service (http[s], ws[s]) or the broker (mqtt[s]) at this URL."),
+    ] = None,
+    service: Annotated[
+        str | None, typer.Option(help="URL of the service for its map, where --cloud is a broker.")
+    ] = None,
     token: Annotated[str | None, typer.Option(help="Token for the service.", envvar="AUTOWAZE_TOKEN")] = None,
     outbox: Annotated[Path | None, typer.Option(help="Where diffs wait for the service; else in your home.")] = None,
 ) -> None:
@@ -64,16 +77,23 @@ def drive(
         --video overlays/
 
         autowaze drive drives/monday --cloud https://parking.example --token awz_...
+
+        autowaze drive drives/monday --cloud mqtts://broker.example --service https://parking.example --token awz_...
     """
     source = opened(trace, cameras, frames)
     if cloud_url is not None:
         if plot or vacant:
             raise AutowazeError("--plot and --vacant show a cloud in the same process; ask the service for /vacant")
-        stored = load_map(stored_map) if stored_map else service_map(cloud_url, token)
+        remote = RemoteCloud(cloud_url, service, token)
+        stored = load_map(stored_map) if stored_map else first_map(remote, source)
         begin = in_the_services_frame(starting_point(source, parking_map(spots), start), stored)
-        node = VehicleNode(source.camera, segmenter(model), stored_map=stored or None, start=begin)
-        with OverlayVideo.open(video) as overlays, uplink_to(cloud_url, token, outbox) as uplink:
-            record = run_drive(source, node, uplink.send, show_progress, overlays.add)
+        node = VehicleNode(source.camera, segmenter(model), stored_map=stored, start=begin)
+        with (
+            OverlayVideo.open(video) as overlays,
+            uplink_to(remote, outbox) as uplink,
+            downlink_from(remote, stored) as downlink,
+        ):
+            record = run_drive(source, node, uplink.send, show_progress, overlays.add, downlink, show_arrivals)
         results = {source.name: {**latency_metrics(record, node), **network_metrics(record)}}
         print_metrics("drive", results)
         if json_file:

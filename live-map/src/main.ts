@@ -1,3 +1,4 @@
+import "maplibre-gl/dist/maplibre-gl.css";
 import "./styles.css";
 
 import { LiveMap } from "./live_map";

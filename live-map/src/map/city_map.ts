@@ -9,7 +9,6 @@ import {
   ScaleControl,
   setWorkerUrl,
 } from "maplibre-gl";
-import "maplibre-gl/dist/maplibre-gl.css";
 import workerUrl from "maplibre-gl/dist/maplibre-gl-worker.mjs?worker&url";
 
 import { type LonLat, shrunk } from "../geometry/plane";
@@ -24,7 +23,7 @@ setWorkerUrl(workerUrl);
 
 /** A state that nobody confirmed for so long is drawn pale, seconds. */
 const STALE_S = 3600;
-const TILT_DEG = 50;
+const TILT_DEG = 45;
 const CLICK_SLACK_PX = 6;
 
 export const calm = matchMedia("(prefers-reduced-motion: reduce)");
@@ -33,11 +32,12 @@ export class CityMap {
   readonly map: MapLibre;
   readonly ready: Promise<void>;
   onSpot: (id: string) => void = () => {};
-  /** A click beside all spots; true if somebody takes it. */
+  /** A click anywhere; true if somebody waited for it, and it chooses no spot. */
   onGround: (at: LonLat) => boolean = () => false;
-  /** Has every click first, for drawing. */
+  /** Has every click first while something is drawn. */
   capture: ((at: LonLat) => boolean) | null = null;
   private latitude = 0;
+  private readonly viewGiven = location.hash.includes("map=");
   private palette;
 
   constructor(
@@ -101,7 +101,12 @@ export class CityMap {
   settle(bounds: [number, number, number, number]): void {
     this.latitude = (bounds[1] + bounds[3]) / 2;
     this.restyle();
-    if (!location.hash.includes("map=")) this.fit(bounds, false);
+    if (!this.viewGiven) this.fit(bounds, false);
+  }
+
+  /** Turn the map so that this compass direction is up. */
+  turn(bearingDeg: number): void {
+    if (!this.viewGiven) this.map.setBearing(bearingDeg);
   }
 
   fit(bounds: [number, number, number, number], moving = true): void {
@@ -132,9 +137,33 @@ export class CityMap {
     this.setData("route", route ? [{ type: "Feature", geometry: route, properties: {} }] : []);
   }
 
+  show(layers: readonly string[], on: boolean): void {
+    for (const layer of layers) this.map.setLayoutProperty(layer, "visibility", on ? "visible" : "none");
+  }
+
   setData(name: SourceName, features: Feature[]): void {
     const data: FeatureCollection<Geometry> = { type: "FeatureCollection", features };
     this.source(name).setData(data);
+  }
+
+  get centre(): LonLat {
+    const { lng, lat } = this.map.getCenter();
+    return [lng, lat];
+  }
+
+  /** West, south, east, north of what is in view. */
+  get view(): [number, number, number, number] {
+    const bounds = this.map.getBounds();
+    return [bounds.getWest(), bounds.getSouth(), bounds.getEast(), bounds.getNorth()];
+  }
+
+  /** Show that the next click chooses a place. */
+  aiming(on: boolean): void {
+    this.map.getContainer().parentElement?.classList.toggle("aiming", on);
+  }
+
+  focus(): void {
+    this.map.getCanvas().focus();
   }
 
   get tilted(): boolean {
@@ -186,19 +215,17 @@ export class CityMap {
 
   private clicked(event: MapMouseEvent): void {
     const at: LonLat = [event.lngLat.lng, event.lngLat.lat];
-    if (this.capture?.(at)) return;
+    if (this.capture?.(at) || this.onGround(at)) return;
     const id = this.spotAt(event.point.x, event.point.y);
     if (id !== null) this.onSpot(id);
-    else this.onGround(at);
   }
 
   private chooseMiddle(): void {
     const { clientWidth, clientHeight } = this.map.getCanvas();
-    const { lng, lat } = this.map.getCenter();
-    if (this.capture?.([lng, lat])) return;
+    if (this.capture?.(this.centre)) return;
+    if (this.onGround(this.centre)) return;
     const id = this.spotAt(clientWidth / 2, clientHeight / 2);
     if (id !== null) this.onSpot(id);
-    else this.onGround([lng, lat]);
   }
 
   private spotAt(x: number, y: number): string | null {
@@ -231,6 +258,7 @@ export class CityMap {
         key: spot.id,
         state: spot.state,
         strength: 0.55 + 0.4 * freshness,
+        middle: spot.state === "occupied" ? "" : chance,
         short: spot.state === "vacant" ? "P" : spot.state === "unknown" ? "?" : "",
         long: `${spot.id}\n${chance}${age === null ? "" : ` · ${ageText(age).replace(" ago", "")}`}`,
       },

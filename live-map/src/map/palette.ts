@@ -7,6 +7,7 @@ export type Theme = "light" | "dark";
 export interface Palette {
   ground: string;
   area: string;
+  pavement: string;
   street: string;
   streetEdge: string;
   streetName: string;
@@ -34,6 +35,7 @@ export const PALETTES: Record<Theme, Palette> = {
   light: {
     ground: "#eceff1",
     area: "#e2eadf",
+    pavement: "#dde2e7",
     street: "#ffffff",
     streetEdge: "#d3dae0",
     streetName: "#52616f",
@@ -55,6 +57,7 @@ export const PALETTES: Record<Theme, Palette> = {
   dark: {
     ground: "#0f151b",
     area: "#14201b",
+    pavement: "#182129",
     street: "#202b35",
     streetEdge: "#33424f",
     streetName: "#9db0c0",

@@ -23,7 +23,7 @@ export function mapStyle(palette: Palette, latitude: number): StyleSpecification
         { type: "geojson", data: { type: "FeatureCollection", features: [] }, promoteId: "key", maxzoom: 20, tolerance: 0 },
       ]),
     ),
-    light: { anchor: "map", position: [1.4, 200, 35], intensity: 0.35 },
+    light: { anchor: "map", position: [1.4, 200, 35], intensity: 0.18 },
     layers: mapLayers(palette, latitude),
   };
 }
@@ -37,7 +37,6 @@ export function mapLayers(palette: Palette, latitude: number): LayerSpecificatio
   const kind = (name: string): ExpressionSpecification => ["==", ["get", "kind"], name];
   return [
     { id: "ground", type: "background", paint: { "background-color": palette.ground } },
-    { id: "areas", type: "fill", source: "streets", filter: kind("area"), paint: { "fill-color": palette.area } },
     {
       id: "street-edges",
       type: "line",
@@ -45,6 +44,15 @@ export function mapLayers(palette: Palette, latitude: number): LayerSpecificatio
       filter: kind("street"),
       layout: { "line-cap": "round", "line-join": "round" },
       paint: { "line-color": palette.streetEdge, "line-width": metres(["+", width, 0.8], latitude, 2) },
+    },
+    {
+      id: "areas",
+      type: "fill",
+      source: "streets",
+      filter: kind("area"),
+      paint: {
+        "fill-color": ["match", ["get", "surface"], "asphalt", palette.street, "pavement", palette.pavement, palette.area],
+      },
     },
     {
       id: "streets",
@@ -102,6 +110,21 @@ export function mapLayers(palette: Palette, latitude: number): LayerSpecificatio
       paint: { "line-color": palette.accent, "line-width": ["interpolate", ["linear"], ["zoom"], 15, 2, 19, 5] },
     },
     {
+      id: "street-names",
+      type: "symbol",
+      source: "streets",
+      minzoom: 15,
+      filter: ["all", kind("street"), ["has", "name"]],
+      layout: {
+        "text-field": ["get", "name"],
+        "text-font": FONT,
+        "text-size": 12,
+        "symbol-placement": "line",
+        "text-letter-spacing": 0.04,
+      },
+      paint: { "text-color": palette.streetName, "text-halo-color": palette.street, "text-halo-width": 1.5 },
+    },
+    {
       id: "trails",
       type: "line",
       source: "trails",
@@ -141,7 +164,7 @@ export function mapLayers(palette: Palette, latitude: number): LayerSpecificatio
       paint: {
         "fill-extrusion-color": palette.building,
         "fill-extrusion-height": ["coalesce", ["get", "height_m"], 8],
-        "fill-extrusion-opacity": 0.72,
+        "fill-extrusion-opacity": 0.55,
       },
     },
     {
@@ -172,27 +195,12 @@ export function mapLayers(palette: Palette, latitude: number): LayerSpecificatio
       },
     },
     {
-      id: "street-names",
-      type: "symbol",
-      source: "streets",
-      minzoom: 15,
-      filter: ["all", kind("street"), ["has", "name"]],
-      layout: {
-        "text-field": ["get", "name"],
-        "text-font": FONT,
-        "text-size": 12,
-        "symbol-placement": "line",
-        "text-letter-spacing": 0.04,
-      },
-      paint: { "text-color": palette.streetName, "text-halo-color": palette.street, "text-halo-width": 1.5 },
-    },
-    {
       id: "spot-labels",
       type: "symbol",
       source: "spots",
       minzoom: 17.5,
       layout: {
-        "text-field": ["step", ["zoom"], ["get", "short"], 19.6, ["get", "long"]],
+        "text-field": ["step", ["zoom"], ["get", "short"], 19.2, ["get", "middle"], 20.2, ["get", "long"]],
         "text-font": FONT,
         "text-size": ["interpolate", ["linear"], ["zoom"], 17.5, 10, 20, 14],
         "text-line-height": 1.25,

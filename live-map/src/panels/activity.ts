@@ -32,7 +32,7 @@ export class ActivityLog {
   }
 
   diff(event: DiffEvent): void {
-    this.add(event.received_at, "diff", `Car ${event.car} sent ${bytesText(event.bytes)}`, featuresText(event));
+    this.add(event.received_at, "diff", `Car ${event.car.slice(0, 4)} sent ${bytesText(event.bytes)}`, featuresText(event));
   }
 
   note(text: string): void {

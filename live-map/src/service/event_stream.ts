@@ -63,12 +63,13 @@ export function waitBeforeAttempt(failures: number): number {
 /** Follows a stream until closed; comes back with Last-Event-ID after the service restarted or the network was gone. */
 export class EventStream {
   private closed = new AbortController();
-  private lastId = "";
 
   constructor(
     private readonly url: string,
     private readonly token: () => string | null,
     private readonly listener: Listener,
+    /** Of the last event that is known already. */
+    private lastId = "",
   ) {
     void this.follow();
   }

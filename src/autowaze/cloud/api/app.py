@@ -23,6 +23,7 @@ from autowaze.cloud.api.history import SpotHistory, history_routes
 from autowaze.cloud.api.ingest import ingest_routes
 from autowaze.cloud.api.ingest_socket import ingest_socket_routes
 from autowaze.cloud.api.intake import Intake
+from autowaze.cloud.api.map_points import map_point_routes
 from autowaze.cloud.api.meters import Meters
 from autowaze.cloud.api.mqtt_broadcast import MqttBroadcast
 from autowaze.cloud.api.mqtt_gateway import MqttGateway
@@ -85,7 +86,7 @@ def create_app(
     intake = Intake(durable, publish)
     book = SpotBook(durable.service.spots.parking_map, intake, clock)
     events = Events(journal, intake)
-    panel = Panel(book, intake, feed, meters, len(durable.service.map.features))
+    panel = Panel(book, intake, feed, meters, durable.service.map.feature_count)
     fleet_feed = FleetFeed(Fleet(clock), parking_map.georeference)
     broadcasts += [panel.note, fleet_feed.note]
     history = SpotHistory(durable.store, book, replays=clock is None)
@@ -112,7 +113,8 @@ def create_app(
     app.state.listeners = (feed.listeners, fleet_feed.listeners)
     app.include_router(ingest_routes(intake, guard, meters))
     app.include_router(ingest_socket_routes(desk, guard))
-    app.include_router(map_routes(intake), dependencies=[Depends(guard.admits(Scope.MAP))])
+    for of_map in (map_routes(intake), map_point_routes(intake, parking_map.georeference)):
+        app.include_router(of_map, dependencies=[Depends(guard.admits(Scope.MAP))])
     app.include_router(spot_routes(book, SpotCollections(book, history)))
     app.include_router(history_routes(history))
     app.include_router(nearest_routes(ParkingGuide(book, SpotFinder(streets))))
@@ -122,8 +124,8 @@ def create_app(
     app.include_router(cds_routes(book, events, surveyed_at))
     app.include_router(change_routes(feed))
     app.include_router(fleet_routes(fleet_feed, guard))
-    app.include_router(operation_routes(intake, feed, meters))
-    app.include_router(stats_routes(panel))
+    for of_operation in (operation_routes(intake, feed, meters), stats_routes(panel)):
+        app.include_router(of_operation)
     answer_with_problems(app)
     app.add_middleware(
         CORSMiddleware, allow_origins=origins, allow_methods=["GET"], allow_headers=["*"], max_age=HOUR_S

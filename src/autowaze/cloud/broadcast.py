@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import deque
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -69,6 +70,18 @@ class ChangeLog:
     def nothing(self) -> MapUpdate:
         """The update of a map that is up to date."""
         return MapUpdate(self.version, self.version, MapFeatures.empty(), np.zeros(0, np.uint64))
+
+    def kept(self) -> dict[str, Any]:
+        """What it holds, for a snapshot."""
+        changes = [(change.added, change.removed, change.instances, change.tiles) for change in self._changes]
+        return {"version": self.version, "changes": changes}
+
+    def restore(self, kept: dict[str, Any]) -> None:
+        """Hold what a snapshot kept."""
+        self.version = kept["version"]
+        self._changes.clear()
+        for added, removed, instances, tiles in kept["changes"]:
+            self._changes.append(MapChange(MapFeatures(**added), removed, instances, tuple(Tile(*t) for t in tiles)))
 
     def since(self, version: int) -> MapUpdate:
         """All changes after a version as one.

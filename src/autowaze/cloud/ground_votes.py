@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -107,6 +107,18 @@ class GroundVotes:
     def erased(self, spot: int) -> None:
         """Forget a spot; later ones move up by one."""
         self._windows = without_row(self._windows, spot)
+
+    def kept(self) -> dict[str, Any]:
+        """What it holds, for a snapshot: lists of windows by row of the spot."""
+        return {"windows": {spot: [tuple(window) for window in windows] for spot, windows in self._windows.items()}}
+
+    def restore(self, kept: dict[str, Any], row_now: dict[int, int]) -> None:
+        """Hold what a snapshot kept, of those rows that a spot still has or has now."""
+        self._windows = {
+            row_now[spot]: [WindowVotes(*window) for window in windows]
+            for spot, windows in kept["windows"].items()
+            if spot in row_now
+        }
 
     def _note(self, spot: int, window: WindowVotes) -> None:
         kept = sorted([*self._windows.get(spot, []), window], key=lambda w: w.key)

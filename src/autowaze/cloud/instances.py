@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,17 @@ class InstanceTable:
         for key, label, confidence, view_x, view_y, frames in values:
             window = (label, confidence, view_x, view_y, frames, diff.end)
             self._windows.setdefault(key, {})[diff.sequence] = window
+
+    def kept(self) -> dict[str, Any]:
+        """What it holds, for a snapshot."""
+        return {"windows": {key: dict(windows) for key, windows in self._windows.items()}}
+
+    def restore(self, kept: dict[str, Any]) -> None:
+        """Hold what a snapshot kept."""
+        self._windows = {
+            key: {sequence: tuple(summary) for sequence, summary in windows.items()}
+            for key, windows in kept["windows"].items()
+        }
 
     def forget(self, key: int) -> None:
         """Drop what windows told of an instance."""

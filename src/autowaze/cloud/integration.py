@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,6 +87,11 @@ class MapState:
         return self._base_version + self._accepted_count
 
     @property
+    def base_version(self) -> int:
+        """Version of the map that it started from."""
+        return self._base_version
+
+    @property
     def features(self) -> MapFeatures:
         """Every feature of the map, sorted by id; costs the whole map."""
         blocks = [self._blocks[number] for number in sorted(self._blocks)]
@@ -156,6 +162,32 @@ class MapState:
                 found.append(block.position[np.isin(block.id, ids[numbers == np.uint64(number)])])
         return np.concatenate(found)
 
+    def kept(self) -> dict[str, Any]:
+        """What it holds, for a snapshot."""
+        return {
+            "accepted": {
+                session: bits.to_bytes(1 + bits.bit_length() // 8) for session, bits in self._accepted.items()
+            },
+            "accepted_count": self._accepted_count,
+            "blocks": dict(self._blocks),
+            "left": list(self._left),
+            "instances": self.instances.kept(),
+            "tiles": self.tiles.kept(),
+            "votes": self._votes.kept(),
+        }
+
+    def restore(self, kept: dict[str, Any]) -> None:
+        """Hold what a snapshot kept."""
+        self._accepted = {session: int.from_bytes(bits) for session, bits in kept["accepted"].items()}
+        self._accepted_count = kept["accepted_count"]
+        self._left = deque((count, key) for count, key in kept["left"])
+        self._blocks, self._blocks_of_instance = {}, {}
+        for number, block in kept["blocks"].items():
+            self._insert(number, MapFeatures(**block))
+        self.instances.restore(kept["instances"])
+        self.tiles.restore(kept["tiles"])
+        self._votes.restore(kept["votes"])
+
     def vehicle_features(self, instances: NDArray[np.uint64]) -> MapFeatures:
         """Features with a vehicle's label that belong to these instances, sorted by id.
 
@@ -204,7 +236,8 @@ class MapState:
     def _keep(self, number: int, left: MapFeatures, gone: MapFeatures) -> None:
         """Put what is left of a block in its place; of one of which nothing is left only its arrival is remembered."""
         self._blocks[number] = left
-        for key in np.setdiff1d(gone.instance_key, left.instance_key).tolist():
+        standing = left.instance_key[is_vehicle(left.label)]
+        for key in np.setdiff1d(gone.instance_key, standing).tolist():
             numbers = self._blocks_of_instance.get(key, set())
             numbers.discard(number)
             if not numbers:

@@ -6,8 +6,10 @@ however long it was away, it gets the features that came since and the ids of th
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +74,26 @@ class MapTiles:
             record.gone_count += len(gone)
             _bound(record)
         return tuple(tile for tile, _ in parts)
+
+    def kept(self) -> dict[str, Any]:
+        """What it holds, for a snapshot."""
+        return {
+            "tiles": [
+                (tile.x, tile.y, record.version, record.complete_since, dict(record.blocks), list(record.gone))
+                for tile, record in self.records.items()
+            ]
+        }
+
+    def restore(self, kept: dict[str, Any]) -> None:
+        """Hold what a snapshot kept."""
+        self.records, tiles_of_block = {}, defaultdict(list)
+        for x, y, version, complete_since, blocks, gone in kept["tiles"]:
+            removals = [(when, ids) for when, ids in gone]
+            count = sum(len(ids) for _, ids in removals)
+            self.records[Tile(x, y)] = TileRecord(version, complete_since, blocks, removals, count)
+            for number in blocks:
+                tiles_of_block[number].append(Tile(x, y))
+        self._tiles_of_block = {number: tuple(sorted(tiles)) for number, tiles in tiles_of_block.items()}
 
     def forget(self, number: int) -> None:
         """Drop a block of which nothing is left."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 from autowaze.cloud.broadcast import Update
 from autowaze.world.parking import Occupancy, SpotState
@@ -80,6 +81,25 @@ class PassJournal:
             self._settle(spot_id)
         return list(self._happenings)
 
+    def kept(self) -> dict[str, Any]:
+        """What it holds, for a snapshot."""
+        return {
+            "version": self._version,
+            "count": self._count,
+            "before": [_plain(sighting) for sighting in list(self._before.values())],
+            "current": [_plain(sighting) for sighting in list(self._current.values())],
+            "happenings": [(h.number, h.kind.value, _plain(h.sighting), h.not_before) for h in list(self._happenings)],
+        }
+
+    def restore(self, kept: dict[str, Any]) -> None:
+        """Hold what a snapshot kept."""
+        self._version, self._count = kept["version"], kept["count"]
+        self._before = {seen.state.spot_id: seen for seen in map(_sighting, kept["before"])}
+        self._current = {seen.state.spot_id: seen for seen in map(_sighting, kept["current"])}
+        self._happenings.clear()
+        for number, kind, sighting, not_before in kept["happenings"]:
+            self._happenings.append(Happening(number, Kind(kind), _sighting(sighting), not_before))
+
     def _see(self, sighting: Sighting) -> None:
         spot_id = sighting.state.spot_id
         current, before = self._current.get(spot_id), self._before.get(spot_id)
@@ -101,3 +121,12 @@ class PassJournal:
         self._before[spot_id] = sighting
         self._count += 1
         self._happenings.append(Happening(self._count, kind, sighting, not_before))
+
+
+def _plain(sighting: Sighting) -> tuple[Any, ...]:
+    return (sighting.state.plain, sighting.observed_at, sighting.received_at)
+
+
+def _sighting(plain: list[Any]) -> Sighting:
+    state, observed_at, received_at = plain
+    return Sighting(SpotState.of_plain(state), observed_at, received_at)

@@ -6,7 +6,7 @@ kept per block of features, and which features they condemn depends on the set o
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +80,20 @@ class RemovalVotes:
             self._count(source, int(waits.sum()) - len(waits))
             if waits.any():
                 self._votes.setdefault(number, {})[source] = _Vote(vote.ids[waits], vote.end[waits])
+
+    def kept(self) -> dict[str, Any]:
+        """What it holds, for a snapshot."""
+        return {
+            "votes": {n: {s: (vote.ids, vote.end) for s, vote in votes.items()} for n, votes in self._votes.items()}
+        }
+
+    def restore(self, kept: dict[str, Any]) -> None:
+        """Hold what a snapshot kept."""
+        self._votes, self._of_source, self._pending = {}, {}, 0
+        for number, votes in kept["votes"].items():
+            self._votes[number] = {source: _Vote(ids, end) for source, (ids, end) in votes.items()}
+            for source, vote in self._votes[number].items():
+                self._count(source, len(vote.ids))
 
     def _count(self, source: int, more: int) -> None:
         self._pending += more

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from autowaze.cloud.methods import FUSED, Method, method_named
 from autowaze.cloud.occupancy import vacant_rectangles
 from autowaze.cloud.outliers import remove_outliers
 from autowaze.cloud.scene import VehicleScene
+from autowaze.cloud.snapshot import SnapshotError
 from autowaze.cloud.spot_edits import SpotEdit
 from autowaze.cloud.spots import SpotIndex
 from autowaze.cloud.two_pass import decide_two_pass
@@ -32,6 +34,7 @@ from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.map_update import MapUpdate
 from autowaze.world.parking import Occupancy, ParkingMap, SpotState
 from autowaze.world.stage_times import StageTimes
+from autowaze.world.tiles import Tile
 from autowaze.world.vehicles import VehicleBoxes
 from autowaze.world.wire import decode_diff
 
@@ -123,6 +126,55 @@ class CloudService:
         self._turn_vehicles(row)
         self._states[row : row + 1] = self._decide(np.array([row]))
         return self._states[row]
+
+    def kept(self) -> dict[str, Any]:
+        """All that diffs have told it, for a snapshot; costs a copy of the tables, not of what is in them."""
+        return {
+            "method": repr(self.method),
+            "base_version": self.map.base_version,
+            "georeference": repr(self.map.georeference),
+            "spots": self.spots.fingerprints(),
+            "states": [state.plain for state in self._states],
+            "map": self.map.kept(),
+            "witnesses": self.witnesses.kept(),
+            "ground": self.ground.kept(),
+            "boxes": self.scene.boxes,
+            "changes": self.changes.kept(),
+            "spot_tiles": [(*tile, version) for tile, version in self.spot_tiles.versions.items()],
+        }
+
+    def restore(self, kept: dict[str, Any]) -> bool:
+        """Hold what a snapshot kept; spots that lay elsewhere then begin anew.
+
+        Args:
+            kept: by a service of the same method and base map.
+
+        Returns:
+            Whether all spots lie where they lay.
+
+        Raises:
+            SnapshotError: it is of another method or base map; nothing has changed.
+        """
+        for name, own in (
+            ("method", repr(self.method)),
+            ("base_version", self.map.base_version),
+            ("georeference", repr(self.map.georeference)),
+        ):
+            if kept[name] != own:
+                raise SnapshotError(f"the snapshot is of {name} {kept[name]}, this service has {own}")
+        own_spots = self.spots.fingerprints()
+        row_of = {fingerprint: row for row, fingerprint in enumerate(own_spots)}
+        row_now = {row: row_of[print_] for row, print_ in enumerate(kept["spots"]) if print_ in row_of}
+        self.map.restore(kept["map"])
+        self.witnesses.restore(kept["witnesses"])
+        self.ground.restore(kept["ground"], row_now)
+        boxes = VehicleBoxes(**kept["boxes"])
+        self.scene.replace(np.unique(boxes.group), boxes)
+        self.changes.restore(kept["changes"])
+        for before, row in row_now.items():
+            self._states[row] = SpotState.of_plain(kept["states"][before])
+        self.spot_tiles.versions.update({Tile(x, y): version for x, y, version in kept["spot_tiles"]})
+        return bool(kept["spots"] == own_spots)
 
     @property
     def states(self) -> list[SpotState]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -113,6 +114,14 @@ class SpotIndex:
         """Spots (N,) whose bounds meet a rectangle (4,), sorted; needs no tree."""
         low, high = self.bounds[:, :2], self.bounds[:, 2:]
         return np.flatnonzero((low <= bounds[2:]).all(axis=1) & (high >= bounds[:2]).all(axis=1))
+
+    def fingerprints(self) -> list[str]:
+        """What tells each spot from all others and from itself elsewhere."""
+        outlines = shapely.to_wkb(self.polygons).tolist()
+        return [
+            f"{spot_id} {hashlib.blake2b(outline, digest_size=8).hexdigest()}"
+            for spot_id, outline in zip(self.ids, outlines, strict=True)
+        ]
 
     def __len__(self) -> int:
         return len(self.ids)

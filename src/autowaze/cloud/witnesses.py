@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from autowaze.world.feature_map import FeatureMap
@@ -33,6 +35,14 @@ class Witnesses:
         elif self._sources.get(session) == SURVEY:
             del self._sources[session]
         return self.of(session)
+
+    def kept(self) -> dict[str, Any]:
+        """What it holds, for a snapshot."""
+        return {"sources": dict(self._sources)}
+
+    def restore(self, kept: dict[str, Any]) -> None:
+        """Hold what a snapshot kept."""
+        self._sources = kept["sources"]
 
     def of(self, session: int) -> int:
         """Whose word a session is."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -61,6 +62,17 @@ class SpotState:
     probability_vacant: float = 0.5
     observed_at: float | None = None
     evidence: str = ""
+
+    @property
+    def plain(self) -> tuple[str, str, float, float | None, str]:
+        """The same as text and numbers."""
+        return self.spot_id, self.occupancy.value, self.probability_vacant, self.observed_at, self.evidence
+
+    @classmethod
+    def of_plain(cls, plain: Sequence[Any]) -> SpotState:
+        """The state that `plain` describes."""
+        spot_id, occupancy, *rest = plain
+        return cls(spot_id, Occupancy(occupancy), *rest)
 
 
 @dataclass(frozen=True)

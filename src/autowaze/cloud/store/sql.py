@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections.abc import Callable, Iterable, Iterator
 
@@ -10,6 +11,10 @@ from autowaze.cloud.store.store import Accepted, AuditEntry, SpotChange
 from autowaze.world.parking import Occupancy, ParkingMap, SpotState
 
 _ROWS_AT_ONCE = 256
+_ROWS_DELETED_AT_ONCE = 1000
+_PART_BYTES = 1 << 20
+_SNAPSHOTS = 2
+"""The log is kept from the older one on: should the newest be damaged, nothing is lost."""
 _UPSERT = (
     "INSERT INTO spots (spot_id, occupancy, probability_vacant, observed_at, evidence) VALUES (?, ?, ?, ?, ?) "
     "ON CONFLICT (spot_id) DO UPDATE SET occupancy = excluded.occupancy, observed_at = excluded.observed_at, "
@@ -38,7 +43,7 @@ class SqlStore:
         self._log = log
         self._side = side
         self._clock = clock
-        self._position = self._last("diffs", "position")
+        self._position = max(self._last("diffs", "position"), self._last("snapshots", "position"))
         self._changes = self._last("history", "number")
         self._names: dict[str, int] = {}
 
@@ -87,6 +92,11 @@ class SqlStore:
         with self._log.transaction():
             self._log.execute("DELETE FROM spots")
             self._upsert(list(states))
+
+    def payload(self, session: int, sequence: int) -> bytes | None:
+        """The bytes of the diff with this key."""
+        rows = self._log.execute("SELECT payload FROM diffs WHERE session = ? AND sequence = ?", (session, sequence))
+        return bytes(rows[0][0]) if rows else None
 
     def spots(self) -> list[SpotState]:
         """The states kept, in no order."""
@@ -151,6 +161,36 @@ class SqlStore:
             version = rows[-1][0]
             yield from (bytes(geojson) for _, geojson in rows)
 
+    def save_snapshot(self, position: int, data: bytes) -> None:
+        """Keep the state after a position; of older snapshots the newest stays."""
+        parts = (data[start : start + _PART_BYTES] for start in range(0, len(data), _PART_BYTES))
+        self._side.execute("DELETE FROM snapshots WHERE position = ?", (position,))
+        self._side.execute("DELETE FROM snapshot_parts WHERE position = ?", (position,))
+        for number, part in enumerate(parts):  # each by itself, so that the log need not wait long
+            self._side.insert("snapshot_parts", "position, part, data", [(position, number, part)])
+        row = (position, self._clock(), hashlib.sha256(data).digest())
+        self._side.insert("snapshots", "position, made_at, sha256", [row])
+        kept = [row[0] for row in self._snapshots()[:_SNAPSHOTS]]
+        self._side.execute("DELETE FROM snapshots WHERE position < ?", (kept[-1],))
+        self._side.execute("DELETE FROM snapshot_parts WHERE position < ?", (kept[-1],))
+
+    def snapshots(self) -> Iterator[tuple[int, bytes]]:
+        """Snapshots that are whole, newest first, each with its position."""
+        query = "SELECT data FROM snapshot_parts WHERE position = ? ORDER BY part"
+        for position, sha256 in self._snapshots():
+            data = b"".join(bytes(part) for (part,) in self._side.execute(query, (position,)))
+            if hashlib.sha256(data).digest() == bytes(sha256):
+                yield position, data
+
+    def prune(self, diffs_before: float, history_before: float) -> int:
+        """Delete what was received before times; returns how many diffs that were."""
+        snapshots = self._snapshots()
+        covered = snapshots[-1][0] if len(snapshots) == _SNAPSHOTS else 0
+        pruned = self._delete("diffs", "position", f"received_at < ? AND position <= {covered}", diffs_before)
+        self._delete("history", "number", f"received_at < ? AND number < {self._changes}", history_before)
+        self._delete("audit", "number", "at < ?", history_before)
+        return pruned
+
     def survey(self, parking_map: ParkingMap) -> None:
         """Nothing: a database without geometry has no use for outlines."""
 
@@ -158,6 +198,20 @@ class SqlStore:
         """Let go of both connections."""
         self._side.close()
         self._log.close()
+
+    def _snapshots(self) -> list[tuple[int, bytes]]:
+        return [
+            (position, sha256)
+            for position, sha256 in self._side.execute("SELECT position, sha256 FROM snapshots ORDER BY position DESC")
+        ]
+
+    def _delete(self, table: str, key: str, condition: str, before: float) -> int:
+        """Delete rows a few at a time, so that the log need not wait long."""
+        count = 0
+        chosen = f"SELECT {key} FROM {table} WHERE {condition} ORDER BY {key} LIMIT {_ROWS_DELETED_AT_ONCE}"
+        while rows := self._side.execute(f"DELETE FROM {table} WHERE {key} IN ({chosen}) RETURNING {key}", (before,)):
+            count += len(rows)
+        return count
 
     def _upsert(self, states: list[SpotState]) -> None:
         rows = [(s.spot_id, s.occupancy.value, s.probability_vacant, s.observed_at, s.evidence) for s in states]

@@ -92,6 +92,9 @@ class Store(Protocol):
     def replace_spots(self, states: Iterable[SpotState]) -> None:
         """Put these states in place of all that are kept; raises `StoreError` as `commit` does."""
 
+    def payload(self, session: int, sequence: int) -> bytes | None:
+        """The bytes of the diff with this key; None where the log has none, or has it no longer."""
+
     def spots(self) -> list[SpotState]:
         """The states kept, in no order."""
 
@@ -127,6 +130,18 @@ class Store(Protocol):
 
     def spot_edits(self) -> Iterator[bytes]:
         """Every edit of the parking map, oldest first."""
+
+    def save_snapshot(self, position: int, data: bytes) -> None:
+        """Keep the state after a position as bytes; of older snapshots the newest stays."""
+
+    def snapshots(self) -> Iterator[tuple[int, bytes]]:
+        """Snapshots, newest first, each with its position; damaged ones are left out."""
+
+    def prune(self, diffs_before: float, history_before: float) -> int:
+        """Delete diffs received before a time, and history and audit entries before another; seconds since the epoch.
+
+        The log is only pruned as far as two snapshots cover it. Returns the number of diffs deleted.
+        """
 
     def survey(self, parking_map: ParkingMap) -> None:
         """Note where the spots lie, where the database can show it to GIS tools."""

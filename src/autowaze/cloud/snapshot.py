@@ -1,0 +1,70 @@
+"""The state of a service as bytes, so that a new process need not replay the whole log.
+
+Parts of the service say with `kept` what they hold: numbers, text, bytes, lists, maps, numpy arrays and columns, copied
+as far as they change in place; `restore` takes it back. Packed it is MessagePack in a zstd frame; reading it runs no
+code that it brings.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgpack
+import numpy as np
+import zstandard
+
+from autowaze.world.columns import Columns, names_of
+from autowaze.world.errors import AutowazeError
+
+FORMAT = 1
+MOST_BYTES = 1 << 34
+_ARRAY = 1
+_ZSTD_LEVEL = 3
+
+Kept = dict[str, Any]
+
+
+class SnapshotError(AutowazeError):
+    """A snapshot that cannot be read, or is of another service; the log tells the same, at length."""
+
+
+def pack(kept: Kept) -> bytes:
+    """The bytes of what parts of a service hold."""
+    body = msgpack.packb({"format": FORMAT, **kept}, default=_packed, use_bin_type=True)
+    return zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress(body)
+
+
+def unpack(data: bytes) -> Kept:
+    """What was packed; raises `SnapshotError` if it is no snapshot of this format."""
+    try:
+        body = zstandard.ZstdDecompressor().decompress(data, max_output_size=MOST_BYTES)
+        kept = msgpack.unpackb(body, ext_hook=_unpacked, strict_map_key=False)
+    except (zstandard.ZstdError, ValueError, TypeError, msgpack.UnpackException) as error:
+        raise SnapshotError(f"not a snapshot: {error}") from error
+    if not isinstance(kept, dict) or kept.get("format") != FORMAT:
+        raise SnapshotError(f"not a snapshot of format {FORMAT}")
+    return kept
+
+
+def _packed(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        head = msgpack.packb((value.dtype.str, value.shape))
+        return msgpack.ExtType(_ARRAY, head + np.ascontiguousarray(value).tobytes())
+    if isinstance(value, Columns):
+        return {name: getattr(value, name) for name in names_of(type(value))}
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} cannot be kept in a snapshot")
+
+
+def _unpacked(code: int, data: bytes) -> Any:
+    if code != _ARRAY:
+        raise ValueError(f"extension {code} is unknown")
+    unpacker = msgpack.Unpacker()
+    unpacker.feed(data[:256])
+    dtype, shape = unpacker.unpack()
+    kind = np.dtype(dtype)
+    if kind.hasobject:
+        raise ValueError("an array of objects")
+    # A copy: what is read from bytes cannot be written to.
+    return np.frombuffer(data, kind, offset=unpacker.tell()).reshape(shape).copy()

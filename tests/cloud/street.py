@@ -135,10 +135,14 @@ class Street:
                 np.array(frames, dtype=np.uint16),
             ),
             ground=_see_ground(cars, cameras[::3], self.along),
-            trajectory=Trajectory(
-                np.array([start]), np.column_stack([cameras[:1], [0.0]]), np.array([self.heading], np.float32)
-            ),
+            trajectory=self._path(cameras, start),
         )
+
+    def _path(self, cameras, start) -> Trajectory:
+        """Once a second, and the end."""
+        rows = np.unique(np.append(np.arange(0, len(cameras), round(1.0 / FRAME_S)), len(cameras) - 1))
+        position = np.column_stack([cameras[rows], np.zeros(len(rows))])
+        return Trajectory(start + rows * FRAME_S, position, np.full(len(rows), self.heading, np.float32))
 
 
 def features(session, sequence, position, owner, when) -> MapFeatures:

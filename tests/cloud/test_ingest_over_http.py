@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from serving import NOW, assert_problem, running
 
-from autowaze.cloud.admission import TimelyAdmission
+from autowaze.cloud.admission import CarefulAdmission, TimelyAdmission
 from autowaze.cloud.api.guard import RateLimit
 from autowaze.cloud.store import SqliteStore, StoreError
 from autowaze.cloud.store.tokens import Scope, TokenRegister
@@ -105,10 +105,10 @@ def test_a_diff_that_could_not_be_kept_is_not_acknowledged(site, payloads):
 def test_one_poisonous_diff_does_not_take_others_with_it(site, payloads):
     integrate = type(site.durable.service).integrate
 
-    def poisoned(service, diff):
+    def poisoned(service, diff, *rest):
         if diff.sequence == 1:
             raise RuntimeError("a defect")
-        return integrate(service, diff)
+        return integrate(service, diff, *rest)
 
     with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(8) as cars:
         patch.setattr("autowaze.cloud.service.CloudService.integrate", poisoned)
@@ -152,12 +152,12 @@ def test_a_car_that_sends_too_much_is_told_when_to_come_back(tmp_path, payloads)
 
 
 def test_what_was_seen_in_the_future_or_last_month_is_refused(tmp_path, diffs):
-    with running(tmp_path / "cloud.db", admit=TimelyAdmission(lambda: NOW)) as site:
+    with running(tmp_path / "cloud.db", admit=CarefulAdmission(timely=TimelyAdmission(lambda: NOW))) as site:
         ahead = replace(diffs[0], end=NOW + 1500)
         assert_problem(site.hand_in(encode_diff(ahead)), 422, "diff_refused")
         assert site.hand_in(encode_diff(diffs[0])).status_code == 202
     later = NOW + 30 * 86_400
-    with running(tmp_path / "cloud.db", admit=TimelyAdmission(lambda: later)) as site:
+    with running(tmp_path / "cloud.db", admit=CarefulAdmission(timely=TimelyAdmission(lambda: later))) as site:
         assert_problem(site.hand_in(encode_diff(diffs[1])), 422, "diff_refused")
         assert site.hand_in(encode_diff(diffs[0])).status_code == 200
 

@@ -35,7 +35,7 @@ class DiffDesk:
         sha256 = hashlib.sha256(diff).hexdigest()
         try:
             self._guard.count(bearer)
-            update = await self._intake.take_in(diff)
+            update = await self._intake.take_in(diff, self._guard.sender(bearer))
         except HTTPException as error:
             wait_s = float((error.headers or {}).get("Retry-After", BUSY_WAIT_S))
             verdict = Verdict.LATER if error.status_code == HTTPStatus.TOO_MANY_REQUESTS else Verdict.REFUSED

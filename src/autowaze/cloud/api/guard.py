@@ -74,6 +74,10 @@ class Guard:
 
         return bearer
 
+    def sender(self, bearer: str) -> str | None:
+        """The name of the token that a bearer holds; None where nobody needs one."""
+        return None if self._tokens is None else bearer
+
     def count(self, bearer: str) -> None:
         """Count one diff of a bearer; raises `ProblemError` 429 when it sends too many."""
         if self._tokens is None:

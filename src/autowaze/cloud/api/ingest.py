@@ -70,7 +70,7 @@ def ingest_routes(intake: Intake, guard: Guard, meters: Meters) -> APIRouter:
         try:
             guard.count(bearer)
             payload = await bounded_body(request)
-            update = await intake.take_in(payload)
+            update = await intake.take_in(payload, guard.sender(bearer))
         except (AutowazeError, ProblemError):
             meters.refused += 1
             raise

@@ -33,6 +33,7 @@ class BusyError(AutowazeError):
 @dataclass(frozen=True)
 class _Waiting:
     payload: bytes
+    sender: str | None
     update: asyncio.Future[Update]
 
 
@@ -80,8 +81,8 @@ class Intake:
         """Diffs that wait."""
         return self._waiting.qsize()
 
-    async def take_in(self, payload: bytes) -> Update:
-        """Take in the bytes of one diff; what it returns is durable.
+    async def take_in(self, payload: bytes, sender: str | None = None) -> Update:
+        """Take in the bytes of one diff from a token of this name, if any; what it returns is durable.
 
         Raises:
             WireError: no diff, or one that says something impossible; nothing has changed.
@@ -90,7 +91,7 @@ class Intake:
         """
         if not self.is_open:
             raise BusyError("the service is stopping: send it again")
-        waiting = _Waiting(payload, asyncio.get_running_loop().create_future())
+        waiting = _Waiting(payload, sender, asyncio.get_running_loop().create_future())
         try:
             self._waiting.put_nowait(waiting)
         except asyncio.QueueFull:
@@ -136,7 +137,8 @@ class Intake:
         loop = asyncio.get_running_loop()
         try:
             payloads = [waiting.payload for waiting in batch]
-            results = await loop.run_in_executor(self._thread, self._durable.receive_many, payloads)
+            senders = [waiting.sender for waiting in batch]
+            results = await loop.run_in_executor(self._thread, self._durable.receive_many, payloads, senders)
         except StoreError as error:
             self.keeps = False
             _log.error("not kept: %s", error)

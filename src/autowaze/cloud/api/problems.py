@@ -13,6 +13,7 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 
+from autowaze.cloud.admission import ForeignSessionError
 from autowaze.cloud.api.intake import BusyError
 from autowaze.cloud.broadcast import OutdatedMapError
 from autowaze.cloud.spot_edits import ClashingEditError, RefusedEditError
@@ -23,6 +24,7 @@ from autowaze.world.errors import AutowazeError, WireError
 _log = logging.getLogger(__name__)
 
 _STATUS_OF: tuple[tuple[type[AutowazeError], HTTPStatus, str], ...] = (
+    (ForeignSessionError, HTTPStatus.FORBIDDEN, "foreign_session"),
     (RefusedDiffError, HTTPStatus.UNPROCESSABLE_ENTITY, "diff_refused"),
     (WireError, HTTPStatus.BAD_REQUEST, "not_a_diff"),
     (OutdatedMapError, HTTPStatus.GONE, "map_outdated"),

@@ -98,6 +98,11 @@ class SqlStore:
         rows = self._log.execute("SELECT payload FROM diffs WHERE session = ? AND sequence = ?", (session, sequence))
         return bytes(rows[0][0]) if rows else None
 
+    def payload(self, session: int, sequence: int) -> bytes | None:
+        """The bytes of the diff with this key."""
+        rows = self._log.execute("SELECT payload FROM diffs WHERE session = ? AND sequence = ?", (session, sequence))
+        return bytes(rows[0][0]) if rows else None
+
     def spots(self) -> list[SpotState]:
         """The states kept, in no order."""
         rows = self._side.execute(f"SELECT {_STATE}, evidence FROM spots")

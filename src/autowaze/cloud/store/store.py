@@ -95,6 +95,9 @@ class Store(Protocol):
     def payload(self, session: int, sequence: int) -> bytes | None:
         """The bytes of the diff with this key; None where the log has none, or has it no longer."""
 
+    def payload(self, session: int, sequence: int) -> bytes | None:
+        """The bytes of the diff with this key; None where the log has none, or has it no longer."""
+
     def spots(self) -> list[SpotState]:
         """The states kept, in no order."""
 

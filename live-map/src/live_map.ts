@@ -65,7 +65,7 @@ export class LiveMap {
           onShow: () => this.servicePanel.start(),
           onHide: () => this.servicePanel.stop(),
         },
-        { id: "draw", label: "Draw", panel: this.editor.element, onHide: () => this.editor.stop() },
+        { id: "draw", label: "Draw", panel: this.editor.element, onHide: () => this.editor.rest() },
       ],
       "What to show",
     );
@@ -84,7 +84,11 @@ export class LiveMap {
     this.card.onEdit = (spot) => this.edit(spot);
     this.editor.onSaved = () => void this.refresh();
     this.editor.onTokenNeeded = () => this.askForToken();
-    this.servicePanel.onToken = () => this.followFleet();
+    this.editor.admitted = () => this.admitted;
+    this.servicePanel.onToken = () => {
+      this.followFleet();
+      if (this.editor.drafting) this.tabs.show("draw");
+    };
     this.servicePanel.cars = () => (this.fleetStream ? this.fleet.count : null);
     this.setUpTheme();
     this.setUpTools();
@@ -111,7 +115,12 @@ export class LiveMap {
 
   /** What the service has for everyone; the page was told when it was made. */
   private offered(name: string): boolean {
-    return (document.documentElement.dataset["offers"] ?? "streets fleet").split(" ").includes(name);
+    return (document.documentElement.dataset["offers"] ?? "streets open").split(" ").includes(name);
+  }
+
+  /** Whether it makes sense to ask for what not everyone may have. */
+  private get admitted(): boolean {
+    return this.token() !== null || this.offered("open");
   }
 
   private get shown(): SpotBook {
@@ -160,7 +169,7 @@ export class LiveMap {
   private followFleet(): void {
     this.fleetStream?.close();
     this.fleetStream = null;
-    if (!this.token() && !this.offered("fleet")) return;
+    if (!this.admitted) return;
     this.fleetStream = new EventStream("/fleet/changes", this.token, {
       onEvent: ({ event, data }) => {
         if (event === "car") {
@@ -307,6 +316,10 @@ export class LiveMap {
     };
     const button = tool("points", "Feature map as points", () => {
       const on = button.ariaPressed !== "true";
+      if (on && !this.admitted) {
+        this.explainNoPoints(new ServiceError(401, ""));
+        return;
+      }
       button.ariaPressed = String(on);
       if (on) void fetchPoints();
       else this.points.clear();

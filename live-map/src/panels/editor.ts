@@ -25,6 +25,7 @@ export class Editor {
   readonly element: HTMLElement;
   onSaved: () => void = () => {};
   onTokenNeeded: () => void = () => {};
+  admitted: () => boolean = () => true;
   private draft: Draft | null = null;
   private readonly handles: OutlineHandles;
   private readonly start = element("div", { className: "stack" });
@@ -144,6 +145,15 @@ export class Editor {
     this.form.hidden = true;
   }
 
+  /** Another panel shows: an outline that is complete waits, one that is not is dropped. */
+  rest(): void {
+    if (!this.drafting) this.stop();
+  }
+
+  get drafting(): boolean {
+    return this.draft?.corners.length === CORNERS;
+  }
+
   private corner(at: LonLat): boolean {
     if (!this.draft) return false;
     const corners = [...this.draft.corners, at];
@@ -226,6 +236,7 @@ export class Editor {
   private async change(failed: string, done: string, act: () => Promise<void>): Promise<void> {
     this.save.disabled = true;
     try {
+      if (!this.admitted()) throw new ServiceError(401, "");
       await act();
       this.stop();
       toast(done);

@@ -90,7 +90,7 @@ def create_app(
     fleet_feed = FleetFeed(Fleet(clock), parking_map.georeference)
     broadcasts += [panel.note, fleet_feed.note]
     history = SpotHistory(durable.store, book, replays=clock is None)
-    offers = {"streets": streets is not None, "fleet": guard.tokens is None}
+    offers = {"streets": streets is not None, "open": guard.tokens is None}
     dashboard = Dashboard([name for name, offered in offers.items() if offered])
     desk = DiffDesk(intake, guard, meters)
     spots_by_mqtt = MqttBroadcast(book, intake) if broker else None

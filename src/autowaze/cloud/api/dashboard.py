@@ -70,7 +70,7 @@ class Dashboard:
 
     Args:
         offers: what this service has for everyone, so that the page does not ask for what it would be refused:
-            `streets`, `fleet`.
+            `streets`, `open` if nothing needs a token.
         folder: where `make live-map` put them.
     """
 

@@ -10,6 +10,7 @@ from starlette.middleware.cors import CORSMiddleware
 from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddleware
 
 from autowaze import __version__
+from autowaze.cloud.api.asyncapi import asyncapi_routes
 from autowaze.cloud.api.cds import cds_routes
 from autowaze.cloud.api.cds_events import Events
 from autowaze.cloud.api.changes import ChangeFeed, change_routes
@@ -124,7 +125,7 @@ def create_app(
     app.include_router(cds_routes(book, events, surveyed_at))
     app.include_router(change_routes(feed))
     app.include_router(fleet_routes(fleet_feed, guard))
-    for of_operation in (operation_routes(intake, feed, meters), stats_routes(panel)):
+    for of_operation in (operation_routes(intake, feed, meters), stats_routes(panel), asyncapi_routes(broker)):
         app.include_router(of_operation)
     answer_with_problems(app)
     app.add_middleware(

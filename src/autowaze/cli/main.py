@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from autowaze import __version__
-from autowaze.cli import cloud, evaluate, models
+from autowaze.cli import cloud, evaluate, models, spots
 from autowaze.cli.demo import demo
 from autowaze.cli.drive import drive
 from autowaze.cli.map import build_map
@@ -30,6 +30,7 @@ app.command("drive")(drive)
 app.add_typer(cloud.app, name="cloud")
 app.add_typer(evaluate.app, name="evaluate")
 app.add_typer(models.app, name="models")
+app.add_typer(spots.app, name="spots")
 
 
 @app.callback(invoke_without_command=True)

@@ -1,0 +1,1 @@
+"""Parking maps coming in: GeoJSON, OpenStreetMap extracts, CDS curbs; one file per kind of source."""

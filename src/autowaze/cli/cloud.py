@@ -13,13 +13,14 @@ import typer
 from rich.table import Table
 
 from autowaze.cli.options import console
-from autowaze.cloud.admission import CarefulAdmission, TimelyAdmission
+from autowaze.cloud.admission import DAY_S, CarefulAdmission, TimelyAdmission
 from autowaze.cloud.durable import DurableService
 from autowaze.cloud.passes import PassJournal
 from autowaze.cloud.service import CloudService
 from autowaze.cloud.store import open_store, open_tokens
 from autowaze.cloud.store.sources import SourceRegister
 from autowaze.cloud.store.tokens import Scope
+from autowaze.cloud.upkeep import DIFFS_DAYS, HISTORY_DAYS, Retention, Upkeep
 from autowaze.world.broker import BrokerAddress
 from autowaze.world.errors import AutowazeError
 from autowaze.world.map_file import load_map
@@ -65,6 +66,12 @@ def cloud(
             help="Broker at which cars hand in diffs, too: mqtt[s]://[user:password@]host.", envvar="AUTOWAZE_MQTT"
         ),
     ] = None,
+    keep_diffs: Annotated[
+        float, typer.Option(help="Days that accepted diffs are kept once a snapshot covers them; 0 for ever.", min=0)
+    ] = DIFFS_DAYS,
+    keep_history: Annotated[
+        float, typer.Option(help="Days that changes of spots and the audit log are kept; 0 for ever.", min=0)
+    ] = HISTORY_DAYS,
     cors: Annotated[list[str] | None, typer.Option(help="Origin whose web pages may read; all by default.")] = None,
 ) -> None:
     """Run the service: diffs in; spots, map and changes out.
@@ -98,7 +105,11 @@ def cloud(
     kept = open_store(store)
     journal = PassJournal()
     durable = DurableService(
-        lambda: CloudService(parking_map, method, base_map), kept, admit=admit, observe=journal.note
+        lambda: CloudService(parking_map, method, base_map),
+        kept,
+        admit=admit,
+        observe=journal.note,
+        followers={"passes": journal},
     )
     kept.survey(durable.service.spots.parking_map)
     tokens = None if open_to_all else open_tokens(store)
@@ -121,7 +132,8 @@ def cloud(
     if tokens is not None and not any(known.revoked_at is None for known in tokens.all()):
         console.print(f"no car has a token yet: autowaze cloud token add NAME --store {kept.name}")
     try:
-        server.run(sockets=[listening])
+        with Upkeep(durable, Retention(keep_diffs or None, keep_history or None)):
+            server.run(sockets=[listening])
     finally:
         kept.close()
         if tokens is not None:
@@ -133,10 +145,24 @@ def add_token(
     name: Annotated[str, typer.Argument(help="What you call the car; it appears nowhere else.")],
     store: Store = DEFAULT_STORE,
     scope: Annotated[list[Scope] | None, typer.Option(help="What it allows; diffs and map by default.")] = None,
+    days: Annotated[float | None, typer.Option(help="How long it is good; for ever by default.", min=0)] = None,
 ) -> None:
     """Make a token and print it; it is shown this once."""
+    expires_at = None if days is None else time.time() + days * DAY_S
     with closing(open_tokens(store)) as tokens:
-        console.print(tokens.add(name, frozenset(scope or (Scope.DIFFS, Scope.MAP))), soft_wrap=True)
+        secret = tokens.add(name, frozenset(scope or (Scope.DIFFS, Scope.MAP)), expires_at)
+    console.print(secret, soft_wrap=True)
+
+
+@token.command("rotate")
+def rotate_token(
+    name: str,
+    store: Store = DEFAULT_STORE,
+    grace: Annotated[float, typer.Option(help="Hours for which the old secret is good, too.", min=0, max=720)] = 24.0,
+) -> None:
+    """Give a token a new secret and print it; sessions and limits go on as they are."""
+    with closing(open_tokens(store)) as tokens:
+        console.print(tokens.rotate(name, grace * 3600.0), soft_wrap=True)
 
 
 @token.command("revoke")
@@ -150,12 +176,26 @@ def revoke_token(name: str, store: Store = DEFAULT_STORE) -> None:
 @token.command("list")
 def list_tokens(store: Store = DEFAULT_STORE) -> None:
     """Every token, without its secret."""
-    table = Table("name", "scopes", "made", "revoked")
+    table = Table("name", "scopes", "made", "expires", "old secret until", "revoked")
     with closing(open_tokens(store)) as tokens:
         every = tokens.all()
     for known in every:
-        revoked = "" if known.revoked_at is None else _day(known.revoked_at)
-        table.add_row(known.name, ", ".join(sorted(known.scopes)), _day(known.created_at), revoked)
+        times = (known.created_at, known.expires_at, known.old_until, known.revoked_at)
+        table.add_row(known.name, ", ".join(sorted(known.scopes)), *("" if t is None else _day(t) for t in times))
+    console.print(table)
+
+
+@app.command("audit")
+def audit(
+    store: Store = DEFAULT_STORE,
+    after: Annotated[int, typer.Option(help="Only entries after this number.", min=0)] = 0,
+    limit: Annotated[int, typer.Option(help="At most so many.", min=1)] = 1000,
+) -> None:
+    """Who did, or was refused, what."""
+    table = Table("number", "when", "who", "what", "more")
+    with closing(open_store(store)) as kept:
+        for entry in kept.audit_entries(after, limit):
+            table.add_row(str(entry.number), _day(entry.at), entry.actor, entry.action, entry.detail)
     console.print(table)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,12 @@ class Admission(Protocol):
 
     def forget(self) -> None:
         """Forget all diffs noted: the log is replayed."""
+
+    def kept(self) -> dict[str, Any]:
+        """What it remembers, for a snapshot."""
+
+    def restore(self, kept: dict[str, Any]) -> None:
+        """Remember what a snapshot kept."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +137,14 @@ class CarefulAdmission:
     def forget(self) -> None:
         """Forget all diffs noted."""
         self._tracks = Tracks(self._limits)
+
+    def kept(self) -> dict[str, Any]:
+        """What it remembers of the diffs noted."""
+        return self._tracks.kept()
+
+    def restore(self, kept: dict[str, Any]) -> None:
+        """Remember what a snapshot kept."""
+        self._tracks.restore(kept)
 
     def _area(self, service: CloudService) -> NDArray[np.float64] | None:
         """Bounds (4,) of all spots; found again when there are more or fewer, since that costs all of them."""

@@ -134,7 +134,7 @@ class CloudService:
             "base_version": self.map.base_version,
             "georeference": repr(self.map.georeference),
             "spots": self.spots.fingerprints(),
-            "states": [state.plain for state in self._states],
+            "states": list(self._states),
             "map": self.map.kept(),
             "witnesses": self.witnesses.kept(),
             "ground": self.ground.kept(),

@@ -15,11 +15,13 @@ import zstandard
 
 from autowaze.world.columns import Columns, names_of
 from autowaze.world.errors import AutowazeError
+from autowaze.world.parking import SpotState
 
 FORMAT = 1
 MOST_BYTES = 1 << 34
 _ARRAY = 1
 _ZSTD_LEVEL = 3
+_DEPTH = 5
 
 Kept = dict[str, Any]
 
@@ -30,8 +32,9 @@ class SnapshotError(AutowazeError):
 
 def pack(kept: Kept) -> bytes:
     """The bytes of what parts of a service hold."""
-    body = msgpack.packb({"format": FORMAT, **kept}, default=_packed, use_bin_type=True)
-    return zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress(body)
+    packer = msgpack.Packer(default=_packed, use_bin_type=True, autoreset=False)
+    _write(packer, {"format": FORMAT, **kept}, 0)
+    return zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress(packer.getbuffer())
 
 
 def unpack(data: bytes) -> Kept:
@@ -46,12 +49,29 @@ def unpack(data: bytes) -> Kept:
     return kept
 
 
+def _write(packer: Any, value: Any, depth: int) -> None:
+    """Pack item by item as far down as containers are large: in one call nobody else could run meanwhile."""
+    if depth < _DEPTH and isinstance(value, dict):
+        packer.pack_map_header(len(value))
+        for key, item in value.items():
+            packer.pack(key)
+            _write(packer, item, depth + 1)
+    elif depth < _DEPTH and isinstance(value, list):
+        packer.pack_array_header(len(value))
+        for item in value:
+            _write(packer, item, depth + 1)
+    else:
+        packer.pack(value)
+
+
 def _packed(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         head = msgpack.packb((value.dtype.str, value.shape))
         return msgpack.ExtType(_ARRAY, head + np.ascontiguousarray(value).tobytes())
     if isinstance(value, Columns):
         return {name: getattr(value, name) for name in names_of(type(value))}
+    if isinstance(value, SpotState):
+        return value.plain
     if isinstance(value, np.generic):
         return value.item()
     raise TypeError(f"{type(value).__name__} cannot be kept in a snapshot")

@@ -56,6 +56,7 @@ class SpotIndex:
         self.bounds, self.centre, self.length, self.width, self.heading = _measured(self.polygons)
         self._rasters: dict[int, SpotRaster] = {}
         self._tree: shapely.STRtree | None = shapely.STRtree(self.polygons)
+        self._fingerprints: list[str] | None = None
 
     @property
     def tree(self) -> shapely.STRtree:
@@ -103,6 +104,7 @@ class SpotIndex:
     def _adopt(self, columns: list[NDArray[Any]]) -> None:
         self.polygons, self.bounds, self.centre, self.length, self.width, self.heading = columns
         self._tree = None
+        self._fingerprints = None
 
     def raster(self, spot: int) -> SpotRaster:
         """The ground cells of a spot."""
@@ -117,11 +119,13 @@ class SpotIndex:
 
     def fingerprints(self) -> list[str]:
         """What tells each spot from all others and from itself elsewhere."""
-        outlines = shapely.to_wkb(self.polygons).tolist()
-        return [
-            f"{spot_id} {hashlib.blake2b(outline, digest_size=8).hexdigest()}"
-            for spot_id, outline in zip(self.ids, outlines, strict=True)
-        ]
+        if self._fingerprints is None:
+            outlines = shapely.to_wkb(self.polygons).tolist()
+            self._fingerprints = [
+                f"{spot_id} {hashlib.blake2b(outline, digest_size=8).hexdigest()}"
+                for spot_id, outline in zip(self.ids, outlines, strict=True)
+            ]
+        return self._fingerprints
 
     def __len__(self) -> int:
         return len(self.ids)

@@ -11,7 +11,7 @@ from bisect import bisect
 from collections import OrderedDict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from autowaze.cloud.plausibility import Limits
 from autowaze.cloud.validation import RefusedDiffError
@@ -106,6 +106,23 @@ class Tracks:
         ):
             self._forget(next(iter(self._sessions)))
 
+    def kept(self) -> dict[str, Any]:
+        """What it holds, for a snapshot."""
+        sessions = [
+            (n, s.source, s.noted_at, [(r.first, r.last, r.start, r.end, r.entry, r.exit) for r in s.runs])
+            for n, s in self._sessions.items()
+        ]
+        return {"sessions": sessions}
+
+    def restore(self, kept: dict[str, Any]) -> None:
+        """Hold what a snapshot kept."""
+        self._sessions.clear()
+        self._of_source.clear()
+        for number, source, noted_at, runs in kept["sessions"]:
+            self._sessions[number] = _Session(source, [Run(*run[:4], *map(_fix, run[4:])) for run in runs], noted_at)
+            if source:
+                self._of_source.setdefault(source, set()).add(number)
+
     def _forget(self, number: int) -> None:
         session = self._sessions.pop(number)
         siblings = self._of_source.get(session.source, set())
@@ -151,6 +168,10 @@ class Tracks:
         if after.first - before.last > most:
             skipped = after.first - before.last
             raise RefusedDiffError(f"its number is {skipped} ahead: more windows than there was time for", "numbering")
+
+
+def _fix(plain: list[float] | None) -> Fix | None:
+    return None if plain is None else Fix(*plain)
 
 
 def _run_of(diff: SemanticMapDiff) -> Run:

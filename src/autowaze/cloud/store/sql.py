@@ -43,14 +43,28 @@ class SqlStore:
         self._log = log
         self._side = side
         self._clock = clock
-        self._position = max(self._last("diffs", "position"), self._last("snapshots", "position"))
-        self._changes = self._last("history", "number")
         self._names: dict[str, int] = {}
+        self.catch_up()
 
     @property
     def position(self) -> int:
         """Number of the last diff that this process knows of."""
         return self._position
+
+    @property
+    def oldest(self) -> int:
+        """Number of the oldest diff that is still in the log; of the next one, if there is none."""
+        return int(self._log.execute("SELECT coalesce(min(position), ?) FROM diffs", (self._position + 1,))[0][0])
+
+    def check(self) -> None:
+        """Make sure that the database answers."""
+        self._log.execute("SELECT 1")
+
+    def catch_up(self) -> None:
+        """Read again how far the log goes: a commit of which no answer came may have been kept."""
+        self._position = max(self._last("diffs", "position"), self._last("snapshots", "position"))
+        self._changes = self._last("history", "number")
+        self._names.clear()
 
     def log(self, after: int = 0) -> Iterator[Accepted]:
         """Diffs after a position, in order."""
@@ -92,11 +106,6 @@ class SqlStore:
         with self._log.transaction():
             self._log.execute("DELETE FROM spots")
             self._upsert(list(states))
-
-    def payload(self, session: int, sequence: int) -> bytes | None:
-        """The bytes of the diff with this key."""
-        rows = self._log.execute("SELECT payload FROM diffs WHERE session = ? AND sequence = ?", (session, sequence))
-        return bytes(rows[0][0]) if rows else None
 
     def payload(self, session: int, sequence: int) -> bytes | None:
         """The bytes of the diff with this key."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import sqlite3
 import threading
 from collections.abc import Iterable, Iterator, Sequence
@@ -23,10 +25,13 @@ class SqliteDatabase:
     Args:
         path: made if there is none.
         durable: whether a commit survives a power cut; it always survives the end of the process.
+        writes_alone: take the writer's lock, a file beside the database, before the first transaction, and keep it.
     """
 
-    def __init__(self, path: str | Path, durable: bool = True) -> None:
+    def __init__(self, path: str | Path, durable: bool = True, writes_alone: bool = False) -> None:
         self.name = str(path)
+        self._writes_alone = writes_alone
+        self._writing: int | None = None
         self._lock = threading.RLock()
         try:
             self._connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False, timeout=_PATIENCE_S)
@@ -55,6 +60,14 @@ class SqliteDatabase:
     @contextmanager
     def transaction(self) -> Iterator[None]:
         """All of the block or nothing."""
+        with self._lock:
+            if self._writes_alone and self._writing is None:
+                self._writing = self._locked()
+            with self._transaction():
+                yield
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
         with self._complaining(), self._lock:
             self._connection.execute("BEGIN IMMEDIATE")
             try:
@@ -68,11 +81,24 @@ class SqliteDatabase:
     def close(self) -> None:
         """Let go of the file."""
         self._connection.close()
+        if self._writing is not None:
+            os.close(self._writing)
+            self._writing = None
+
+    def _locked(self) -> int:
+        """A descriptor of the lock; the end of the process lets go of it, however that comes."""
+        descriptor = os.open(f"{self.name}-writer", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            os.close(descriptor)
+            raise StoreError(f"{self.name}: another process writes this store; stop it first") from error
+        return descriptor
 
     def _migrate(self) -> None:
         if not pending("sqlite", self._version(), self.name):
             return
-        with self.transaction():  # another process may be at it too: the first one does it
+        with self._transaction():  # another process may be at it too: the first one does it
             for number, script in pending("sqlite", self._version(), self.name):
                 for statement in filter(str.strip, script.split(";")):
                     self.execute(statement)
@@ -95,5 +121,5 @@ class SqliteStore(SqlStore):
     """A `Store` in one file."""
 
     def __init__(self, path: str | Path) -> None:
-        super().__init__(SqliteDatabase(path), SqliteDatabase(path, durable=False))
+        super().__init__(SqliteDatabase(path, writes_alone=True), SqliteDatabase(path, durable=False))
         self.path = Path(path)

@@ -77,6 +77,16 @@ class Store(Protocol):
     def position(self) -> int:
         """Number of the last diff in the log; 0 for none."""
 
+    @property
+    def oldest(self) -> int:
+        """Number of the oldest diff that is still in the log; of the next one, if there is none."""
+
+    def check(self) -> None:
+        """Raise `StoreError` if the database does not answer."""
+
+    def catch_up(self) -> None:
+        """Read again how far the log goes: a commit of which no answer came may have been kept."""
+
     def log(self, after: int = 0) -> Iterator[Accepted]:
         """Diffs after a position, in order."""
 
@@ -91,9 +101,6 @@ class Store(Protocol):
 
     def replace_spots(self, states: Iterable[SpotState]) -> None:
         """Put these states in place of all that are kept; raises `StoreError` as `commit` does."""
-
-    def payload(self, session: int, sequence: int) -> bytes | None:
-        """The bytes of the diff with this key; None where the log has none, or has it no longer."""
 
     def payload(self, session: int, sequence: int) -> bytes | None:
         """The bytes of the diff with this key; None where the log has none, or has it no longer."""

@@ -84,6 +84,7 @@ class TokenRegister:
             )
         except ClashError as error:
             raise StoreError(f"{self._database.name}: there is a token {name!r}: choose another name") from error
+        self._note("token added", f"{name}: {', '.join(sorted(scopes))}")
         return secret
 
     def revoke(self, name: str) -> None:
@@ -94,6 +95,7 @@ class TokenRegister:
         )
         if not done:
             raise StoreError(f"{self._database.name}: no good token {name!r}: see autowaze cloud token list")
+        self._note("token revoked", name)
 
     def rotate(self, name: str, grace_s: float = 0.0) -> str:
         """Give a token a new secret and return it; the one before stays good for a grace period, no older one.
@@ -108,6 +110,7 @@ class TokenRegister:
         )
         if not done:
             raise StoreError(f"{self._database.name}: no good token {name!r}: see autowaze cloud token list")
+        self._note("token rotated", name)
         return secret
 
     def find(self, secret: str) -> Token | None:
@@ -135,6 +138,11 @@ class TokenRegister:
     def close(self) -> None:
         """Let go of the database."""
         self._database.close()
+
+    def _note(self, action: str, detail: str) -> None:
+        self._database.execute(
+            "INSERT INTO audit (at, actor, action, detail) VALUES (?, ?, ?, ?)", (self._clock(), "", action, detail)
+        )
 
     def _select(self, condition: str, parameters: tuple[bytes | float, ...]) -> list[Token]:
         columns = "name, scopes, created_at, revoked_at, expires_at, old_until"

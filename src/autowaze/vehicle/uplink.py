@@ -7,7 +7,6 @@ import json
 import logging
 import random
 import threading
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -81,13 +80,17 @@ class HttpTransport:
         self._connection.close()
 
 
-class Uplink:
-    """Sends what lies in the outbox, in order, in a thread of its own.
+class Delivery:
+    """Takes diffs out of an outbox and hands them in, oldest first, each until it is acknowledged or refused.
 
     Args:
         outbox: may hold diffs of an earlier drive; they go first.
-        transport: used by the thread only.
+        transport: carries them.
         randomness: 0..1, spreads the retries of many cars after an outage.
+
+    Attributes:
+        acknowledged, refused: how many diffs were.
+        trouble: why the last attempt failed; empty after one that did not.
     """
 
     def __init__(self, outbox: Outbox, transport: Transport, randomness: Callable[[], float] = random.random) -> None:
@@ -95,13 +98,75 @@ class Uplink:
         self.acknowledged = 0
         self.refused = 0
         self.trouble = ""
-        """Why the last try failed; empty after one that did not."""
         self._transport = transport
         self._randomness = randomness
+        self._failures = 0
+
+    def attempt(self) -> float | None:
+        """Hand in the oldest diff once; returns how many seconds to wait then, None until there is a new diff."""
+        item = self.outbox.first()
+        if item is None:
+            return None
+        number, message = item
+        answer = self._try(message)
+        if answer.outcome is Outcome.LATER:
+            return self._put_off(answer)
+        self.trouble, self._failures = "", 0
+        if answer.outcome is Outcome.ACKNOWLEDGED:
+            self.outbox.remove(number)
+            self.acknowledged += 1
+        else:
+            _log.error("%s; the diff lies in %s/refused", answer.reason, self.outbox.folder)
+            self.outbox.set_aside(number)
+            self.refused += 1
+        return 0.0
+
+    def close(self) -> None:
+        """Let go of connection and outbox."""
+        self._transport.close()
+        self.outbox.close()
+
+    def _try(self, message: bytes) -> Answer:
+        try:
+            return self._transport.hand_in(message)
+        except Exception as error:  # whatever a transport does, what lies in the outbox must not be stuck for ever
+            _log.error("the transport failed", exc_info=error)
+            return Answer(Outcome.LATER, f"the transport failed: {error!r}")
+
+    def _put_off(self, answer: Answer) -> float:
+        if not self.trouble:
+            _log.warning("%s; diffs stay in %s until they are acknowledged", answer.reason, self.outbox.folder)
+        self.trouble = answer.reason
+        longest_s = min(FIRST_WAIT_S * 2.0 ** min(self._failures, 10), LONGEST_WAIT_S)
+        self._failures += 1
+        return answer.wait_s if answer.wait_s is not None else longest_s * (0.5 + 0.5 * self._randomness())
+
+
+class Uplink:
+    """Sends what lies in the outbox in a thread of its own; arguments as for `Delivery`."""
+
+    def __init__(self, outbox: Outbox, transport: Transport, randomness: Callable[[], float] = random.random) -> None:
+        self.outbox = outbox
+        self._delivery = Delivery(outbox, transport, randomness)
         self._changed = threading.Condition()
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="uplink", daemon=True)
         self._thread.start()
+
+    @property
+    def acknowledged(self) -> int:
+        """Diffs acknowledged since the start."""
+        return self._delivery.acknowledged
+
+    @property
+    def refused(self) -> int:
+        """Diffs refused since the start."""
+        return self._delivery.refused
+
+    @property
+    def trouble(self) -> str:
+        """Why the last try failed; empty after one that did not."""
+        return self._delivery.trouble
 
     def send(self, message: bytes) -> None:
         """Keep a diff on disk and send it as soon as may be; raises `OutboxError` if it could not be kept."""
@@ -111,14 +176,8 @@ class Uplink:
 
     def flush(self, timeout_s: float) -> bool:
         """Wait until all is acknowledged or refused; False if some is left when time is up."""
-        deadline = time.monotonic() + timeout_s
         with self._changed:
-            while len(self.outbox) > 0:
-                left_s = deadline - time.monotonic()
-                if left_s <= 0:
-                    return False
-                self._changed.wait(left_s)
-        return True
+            return self._changed.wait_for(lambda: len(self.outbox) == 0, timeout_s)
 
     def close(self) -> None:
         """Stop; what is left stays in the outbox for the next start."""
@@ -126,49 +185,15 @@ class Uplink:
             self._stopping = True
             self._changed.notify_all()
         self._thread.join()
-        self._transport.close()
-        self.outbox.close()
+        self._delivery.close()
 
     def _run(self) -> None:
-        failures = 0
         while not self._stopping:
-            item = self.outbox.first()
-            if item is None:
-                self._pause(None)
-                continue
-            number, message = item
-            answer = self._try(message)
-            self._note(number, answer)
-            if answer.outcome is not Outcome.LATER:
-                failures = 0
-                continue
-            limit_s = min(FIRST_WAIT_S * 2.0 ** min(failures, 10), LONGEST_WAIT_S)
-            failures += 1
-            self._pause(answer.wait_s if answer.wait_s is not None else limit_s * (0.5 + 0.5 * self._randomness()))
-
-    def _try(self, message: bytes) -> Answer:
-        try:
-            return self._transport.hand_in(message)
-        except Exception as error:  # whatever a transport does, what lies in the outbox must not be stuck for ever
-            _log.error("the transport failed", exc_info=error)
-            return Answer(Outcome.LATER, f"the transport failed: {error!r}")
-
-    def _note(self, number: int, answer: Answer) -> None:
-        if answer.outcome is Outcome.LATER:
-            if not self.trouble:
-                _log.warning("%s; diffs stay in %s until they are acknowledged", answer.reason, self.outbox.folder)
-            self.trouble = answer.reason
-            return
-        with self._changed:
-            self.trouble = ""
-            if answer.outcome is Outcome.ACKNOWLEDGED:
-                self.outbox.remove(number)
-                self.acknowledged += 1
-            else:
-                _log.error("%s; the diff lies in %s/refused", answer.reason, self.outbox.folder)
-                self.outbox.set_aside(number)
-                self.refused += 1
-            self._changed.notify_all()
+            wait_s = self._delivery.attempt()
+            with self._changed:
+                self._changed.notify_all()
+            if wait_s != 0.0:
+                self._pause(wait_s)
 
     def _pause(self, wait_s: float | None) -> None:
         """Wait for the time, or for a new diff where no time is given; in either case for the order to stop."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import socket
 import ssl
 import threading
 from collections.abc import Callable, Sequence
@@ -114,6 +115,7 @@ class BrokerSession:
             client.username_pw_set(self.address.username, self.address.password)
         client.connect_timeout = CONNECT_S
         client.max_inflight_messages_set(MOST_IN_FLIGHT)
+        client.on_socket_open = _send_at_once
         client.on_connect = self._connected
         client.on_subscribe = self._subscribed
         client.on_disconnect = self._disconnected
@@ -157,3 +159,8 @@ class BrokerSession:
         self._settled.set()
         if self._ready:
             self._on_end()
+
+
+def _send_at_once(client: paho.Client, data: Any, connection: Any) -> None:
+    # Nagle's algorithm makes a small packet wait until the broker's delayed acknowledgement of the one before it.
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

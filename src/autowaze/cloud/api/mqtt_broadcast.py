@@ -80,7 +80,9 @@ class MqttBroadcast:
             if row < len(self._states):
                 self._states[row] = state
             self._changed.add(self._tile_of_row[row])
-        if update.spots:
+        self._map_versions.update(dict.fromkeys(update.map_tiles, update.version))
+        self._changed_maps.update(update.map_tiles)
+        if update.spots or update.map_tiles:
             self._wanted.set()
 
     def redrawn(self, sheet: SpotSheet, spot_id: str, state: SpotState | None) -> None:

@@ -50,6 +50,12 @@ class Problem(BaseModel):
     error_details: list[str] = []
 
 
+_BAD_REQUEST: dict[str, Any] = {
+    "description": HTTPStatus.BAD_REQUEST.phrase,
+    "content": {"application/json": {"schema": {"$ref": "#/components/schemas/Problem"}}},
+}
+
+
 class ProblemError(HTTPException):
     """A request that cannot be fulfilled."""
 
@@ -71,6 +77,24 @@ def answer_with_problems(app: FastAPI) -> None:
     app.add_exception_handler(RequestValidationError, _of_validation)
     app.add_exception_handler(AutowazeError, _of_ours)
     app.add_exception_handler(Exception, _of_the_unexpected)
+    described = app.openapi
+    app.openapi = lambda: app.openapi_schema or describe_problems(described())  # type: ignore[method-assign]
+
+
+def describe_problems(document: dict[str, Any]) -> dict[str, Any]:
+    """An OpenAPI document in which bad parameters are answered as they are: with 400 and a `Problem`."""
+    for operations in document["paths"].values():
+        for operation in operations.values():
+            unlike_ours = operation["responses"].get("422", {}).get("content", {}).get("application/json", {})
+            if unlike_ours.get("schema", {}).get("$ref", "").endswith("/HTTPValidationError"):
+                del operation["responses"]["422"]
+            if operation.get("parameters") or "requestBody" in operation:
+                operation["responses"].setdefault("400", _BAD_REQUEST)
+    schemas = document.get("components", {}).get("schemas", {})
+    for unused in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(unused, None)
+    schemas.setdefault("Problem", Problem.model_json_schema())
+    return document
 
 
 def problem_response(

@@ -11,6 +11,7 @@ from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddle
 
 from autowaze import __version__
 from autowaze.cloud.api.asyncapi import asyncapi_routes
+from autowaze.cloud.api.audit import audit_routes
 from autowaze.cloud.api.cds import cds_routes
 from autowaze.cloud.api.cds_events import Events
 from autowaze.cloud.api.changes import ChangeFeed, change_routes
@@ -30,7 +31,9 @@ from autowaze.cloud.api.mqtt_broadcast import MqttBroadcast
 from autowaze.cloud.api.mqtt_gateway import MqttGateway
 from autowaze.cloud.api.nearest import ParkingGuide, nearest_routes
 from autowaze.cloud.api.operations import operation_routes
+from autowaze.cloud.api.parking_editor import ParkingEditor, parking_editor_routes
 from autowaze.cloud.api.problems import answer_with_problems
+from autowaze.cloud.api.refusals import RefusalLog
 from autowaze.cloud.api.security import SecurityHeaders
 from autowaze.cloud.api.spot_book import SpotBook
 from autowaze.cloud.api.spot_collection import SpotCollections
@@ -93,8 +96,10 @@ def create_app(
     history = SpotHistory(durable.store, book, replays=clock is None)
     offers = {"streets": streets is not None, "open": guard.tokens is None}
     dashboard = Dashboard([name for name, offered in offers.items() if offered])
+    guard.log = refusals = RefusalLog(durable.store.audit)
     desk = DiffDesk(intake, guard, meters)
     spots_by_mqtt = MqttBroadcast(book, intake) if broker else None
+    editor = ParkingEditor(intake, book, feed, durable.store, spots_by_mqtt.redrawn if spots_by_mqtt else None)
     if spots_by_mqtt:
         broadcasts.append(spots_by_mqtt.note)
 
@@ -109,6 +114,7 @@ def create_app(
             for listeners in app.state.listeners:
                 listeners.close()
         await intake.close()
+        await refusals.written()
 
     app = FastAPI(title="Autowaze", version=__version__, lifespan=lifespan, docs_url=None, redoc_url=None)
     app.state.listeners = (feed.listeners, fleet_feed.listeners)
@@ -119,13 +125,19 @@ def create_app(
     app.include_router(spot_routes(book, SpotCollections(book, history)))
     app.include_router(history_routes(history))
     app.include_router(nearest_routes(ParkingGuide(book, SpotFinder(streets))))
+    app.include_router(parking_editor_routes(editor, book, guard))
     app.include_router(street_routes(streets))
     app.include_router(feature_routes(book, dashboard))
     app.include_router(dashboard_routes(dashboard))
     app.include_router(cds_routes(book, events, surveyed_at))
     app.include_router(change_routes(feed))
     app.include_router(fleet_routes(fleet_feed, guard))
-    for of_operation in (operation_routes(intake, feed, meters), stats_routes(panel), asyncapi_routes(broker)):
+    for of_operation in (
+        operation_routes(intake, feed, meters),
+        stats_routes(panel),
+        asyncapi_routes(broker),
+        audit_routes(durable.store, guard),
+    ):
         app.include_router(of_operation)
     answer_with_problems(app)
     app.add_middleware(

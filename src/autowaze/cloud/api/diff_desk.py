@@ -35,23 +35,29 @@ class DiffDesk:
         sha256 = hashlib.sha256(diff).hexdigest()
         try:
             self._guard.count(bearer)
+            self._guard.count_bytes(bearer, len(diff))
             update = await self._intake.take_in(diff, self._guard.sender(bearer))
         except HTTPException as error:
             wait_s = float((error.headers or {}).get("Retry-After", BUSY_WAIT_S))
             verdict = Verdict.LATER if error.status_code == HTTPStatus.TOO_MANY_REQUESTS else Verdict.REFUSED
+            reason = self._guard.refused(bearer, error)
             acknowledgement = Acknowledgement(sha256, verdict, error.detail, wait_s=wait_s)
         except WireError as error:
+            reason = self._guard.refused(bearer, error)
             acknowledgement = Acknowledgement(sha256, Verdict.REFUSED, str(error))
         except BusyError as error:
+            reason = "busy"
             acknowledgement = Acknowledgement(sha256, Verdict.LATER, str(error), wait_s=BUSY_WAIT_S)
         except StoreError:
+            reason = "not_kept"
             acknowledgement = Acknowledgement(sha256, Verdict.LATER, "the diff could not be kept", wait_s=BUSY_WAIT_S)
         except Exception as error:
+            reason = "internal"
             _log.error("a diff of %d bytes failed", len(diff), exc_info=error)
             acknowledgement = Acknowledgement(sha256, Verdict.LATER, "the service failed at this diff")
         else:
             self._meters.taken_in(update.accepted, len(diff), time.perf_counter() - arrived)
             verdict = Verdict.ACCEPTED if update.accepted else Verdict.REPEATED
             return Acknowledgement(sha256, verdict, map_version=update.version)
-        self._meters.refused += 1
+        self._meters.refuse(reason)
         return acknowledgement

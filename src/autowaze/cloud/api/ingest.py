@@ -15,8 +15,9 @@ from autowaze.cloud.api.guard import Guard
 from autowaze.cloud.api.intake import Intake
 from autowaze.cloud.api.meters import Meters
 from autowaze.cloud.api.problems import ProblemError, problems
+from autowaze.cloud.store import StoreError
 from autowaze.cloud.store.tokens import Scope
-from autowaze.world.errors import AutowazeError
+from autowaze.world.errors import AutowazeError, WireError
 from autowaze.world.wire import MAX_MESSAGE_BYTES
 
 OCTETS = "application/octet-stream"
@@ -70,9 +71,13 @@ def ingest_routes(intake: Intake, guard: Guard, meters: Meters) -> APIRouter:
         try:
             guard.count(bearer)
             payload = await bounded_body(request)
+            guard.count_bytes(bearer, len(payload))
             update = await intake.take_in(payload, guard.sender(bearer))
-        except (AutowazeError, ProblemError):
-            meters.refused += 1
+        except (WireError, ProblemError) as error:
+            meters.refuse(guard.refused(bearer, error))
+            raise
+        except AutowazeError as error:
+            meters.refuse("not_kept" if isinstance(error, StoreError) else "busy")
             raise
         meters.taken_in(update.accepted, len(payload), time.perf_counter() - arrived)
         if not update.accepted:

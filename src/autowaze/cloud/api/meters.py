@@ -29,7 +29,8 @@ class Meters:
     """Counts of the running process.
 
     Attributes:
-        accepted, repeated, refused: diffs by what became of them.
+        accepted, repeated: diffs by what became of them.
+        refusals: diffs that were refused, by reason.
         received_bytes: of those that were taken in, repeated ones included.
         delays: diffs by the first bound that their delay, from arrival to durable and broadcast, did not pass.
         clock: monotonic seconds.
@@ -37,7 +38,7 @@ class Meters:
 
     accepted: int = 0
     repeated: int = 0
-    refused: int = 0
+    refusals: Counter[str] = field(default_factory=Counter)
     received_bytes: int = 0
     delay_sum_s: float = 0.0
     delays: list[int] = field(default_factory=lambda: [0] * (len(DELAY_BOUNDS_S) + 1))
@@ -46,6 +47,15 @@ class Meters:
 
     def __post_init__(self) -> None:
         self._started = self.clock()
+
+    @property
+    def refused(self) -> int:
+        """Diffs that were refused, whatever the reason."""
+        return self.refusals.total()
+
+    def refuse(self, reason: str) -> None:
+        """Count a diff that was refused."""
+        self.refusals[reason] += 1
 
     def taken_in(self, accepted: bool, size: int, delay_s: float) -> None:
         """Count a diff that was taken in, or had been before."""
@@ -86,6 +96,12 @@ def exposition(meters: Meters, figures: ServiceFigures, waiting: int, listeners:
     results = {"accepted": meters.accepted, "repeated": meters.repeated, "refused": meters.refused}
     lines = [
         *_metric("diffs_total", "counter", "Diffs by result.", ((f'{{result="{k}"}}', v) for k, v in results.items())),
+        *_metric(
+            "diffs_refused_total",
+            "counter",
+            "Refused diffs by reason.",
+            ((f'{{reason="{reason}"}}', n) for reason, n in sorted(meters.refusals.items())),
+        ),
         *_metric("diff_bytes_total", "counter", "Bytes of diffs taken in.", [("", meters.received_bytes)]),
         *_metric("diff_delay_seconds", "histogram", "From arrival to durable and broadcast.", _histogram(meters)),
         *_metric(

@@ -10,6 +10,7 @@ from types import FrameType
 import uvicorn
 from fastapi import FastAPI
 
+from autowaze.cloud.api.connections import BoundedProtocol
 from autowaze.world.errors import AutowazeError
 from autowaze.world.wire import MAX_MESSAGE_BYTES
 
@@ -40,6 +41,7 @@ class WebServer(uvicorn.Server):
                 app,
                 ssl_certfile=certificate,
                 ssl_keyfile=key,
+                http=BoundedProtocol,
                 access_log=False,
                 log_config=None,
                 server_header=False,

@@ -152,8 +152,9 @@ def _direction(line: shapely.LineString, s: float) -> NDArray[np.float64]:
 
 def _side(axis: shapely.LineString, area: shapely.Polygon) -> int:
     """1 if the area lies left of the axis, -1 right."""
-    centre = np.array(area.centroid.coords[0])
-    s = axis.project(area.centroid)
+    within = area.representative_point()  # the centroid of what lies around a bend may not be
+    centre = np.array(within.coords[0])
+    s = axis.project(within)
     ahead, foot = _direction(axis, s), np.array(axis.interpolate(s).coords[0])
     away = centre - foot
     return 1 if ahead[0] * away[1] - ahead[1] * away[0] >= 0 else -1

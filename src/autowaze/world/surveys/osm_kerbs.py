@@ -27,6 +27,8 @@ BUS_STOP_REACH_M = 15.0
 _STRAIGHT_RAD = np.radians(45.0)
 """Where two ways meet at a smaller bend, one street goes on."""
 _SHORTEST_KERB_M = 3.0
+_SMOOTH_M = 0.1
+"""Kinks smaller than this come from how precisely nodes are stored."""
 
 _Gap = tuple[float, float]
 
@@ -78,8 +80,8 @@ class KerbSurvey:
 
     def _along(self, street: _Street, side: str, rule: KerbRule) -> list[ParkingSpot]:
         sign = 1 if side == "left" else -1
-        kerb = shapely.offset_curve(street.line, sign * _middle_m(street, rule), join_style="mitre")
-        if not isinstance(kerb, shapely.LineString) or kerb.length < _SHORTEST_KERB_M:
+        kerb = _beside(street.line, sign * _middle_m(street, rule))
+        if kerb.length < _SHORTEST_KERB_M:
             self.left_out["kerbs: too short or too winding"] += 1
             return []
         # In an angled bay one noses in as one drives: forward on the right, the other way on the left unless oneway.
@@ -140,6 +142,17 @@ class KerbSurvey:
             return False
         one, another = _arms(street.points, number)[0], _arms(other.points, n)[0]
         return bool(np.arccos(np.clip(-one @ another, -1.0, 1.0)) < _STRAIGHT_RAD)
+
+
+def _beside(line: shapely.LineString, left_m: float) -> shapely.LineString:
+    """The parallel to the left (negative: right), in the direction of the line; the longest piece of it."""
+    curve = shapely.offset_curve(shapely.simplify(line, _SMOOTH_M), left_m, join_style="mitre")
+    pieces = [part for part in shapely.get_parts(curve) if isinstance(part, shapely.LineString)]
+    longest: shapely.LineString = max(pieces, key=lambda part: part.length, default=shapely.LineString())
+    if longest.length == 0:
+        return longest
+    first, last = (line.project(shapely.Point(longest.coords[end])) for end in (0, -1))
+    return longest if first <= last else shapely.reverse(longest)
 
 
 def _middle_m(street: _Street, rule: KerbRule) -> float:

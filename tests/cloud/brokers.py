@@ -1,6 +1,7 @@
 """MQTT brokers of the tests' own, each in a process, on a free port."""
 
 import os
+import re
 import shutil
 import signal
 import socket
@@ -10,6 +11,7 @@ from pathlib import Path
 
 from autowaze.world.broker import BrokerAddress
 
+DOCS = Path(__file__).parents[2] / "docs" / "brokers"
 PATH = os.pathsep.join((os.environ.get("PATH", ""), "/usr/sbin", "/usr/local/sbin"))
 
 
@@ -26,6 +28,9 @@ class Broker:
     @property
     def address(self) -> BrokerAddress:
         return BrokerAddress("127.0.0.1", self.port)
+
+    def address_for(self, user: str) -> BrokerAddress:
+        return BrokerAddress("127.0.0.1", self.port, username=user, password=f"secret of {user}")
 
     @property
     def url(self) -> str:
@@ -74,4 +79,35 @@ class Nats(Broker):
             f'server_name: test\nhost: "127.0.0.1"\nport: -1\njetstream {{ store_dir: "{self.folder}/jetstream" }}\n'
             f'mqtt {{ host: "127.0.0.1", port: {self.port} }}\n'
         )
+        return path
+
+
+class GuardedMosquitto(Mosquitto):
+    """As the documentation sets it up, without TLS."""
+
+    def configuration(self) -> Path:
+        passwords = self.folder / "passwords"
+        passwords.touch(mode=0o600)
+        for user in ("service", "car"):
+            tool = shutil.which("mosquitto_passwd", path=PATH)
+            subprocess.run([tool, "-b", passwords, user, f"secret of {user}"], check=True, capture_output=True)
+        lines = (DOCS / "mosquitto.conf").read_text().splitlines()
+        lines = [line for line in lines if not line.startswith(("listener", "certfile", "keyfile"))]
+        places = {"/etc/mosquitto/passwords": str(passwords), "/etc/mosquitto": str(DOCS)}
+        text = "\n".join([f"listener {self.port} 127.0.0.1", "user root", *lines])
+        for there, here in places.items():
+            text = text.replace(there, here)
+        return super().configuration(text)
+
+
+class GuardedNats(Nats):
+    """As the documentation sets it up, without TLS."""
+
+    def configuration(self) -> Path:
+        text = (DOCS / "nats-server.conf").read_text()
+        text = re.sub(r"port: 8883\n.*tls.*", f'host: "127.0.0.1", port: {self.port}', text)
+        text = text.replace("/var/lib/nats", str(self.folder / "jetstream"))
+        text = text.replace('"change-me"', '"secret of service"').replace('"change-me-too"', '"secret of car"')
+        path = self.folder / "nats.conf"
+        path.write_text(f'host: "127.0.0.1"\nport: -1\n{text}')
         return path

@@ -17,7 +17,7 @@ from autowaze.vehicle.outbox import Outbox
 
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.5, 60.0
 DIFFS_PATH = "/v1/diffs"
-_NEVER = {"not_a_diff", "diff_refused", "too_large"}
+_NEVER = {"not_a_diff", "diff_refused", "foreign_session", "too_large"}
 """The service's words for a diff that it will never take; any other refusal may be of the moment or of a proxy."""
 
 _log = logging.getLogger(__name__)
@@ -139,7 +139,9 @@ class Delivery:
         self.trouble = answer.reason
         longest_s = min(FIRST_WAIT_S * 2.0 ** min(self._failures, 10), LONGEST_WAIT_S)
         self._failures += 1
-        return answer.wait_s if answer.wait_s is not None else longest_s * (0.5 + 0.5 * self._randomness())
+        if answer.wait_s is not None:
+            return min(answer.wait_s, LONGEST_WAIT_S)
+        return longest_s * (0.5 + 0.5 * self._randomness())
 
 
 class Uplink:

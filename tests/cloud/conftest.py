@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from postgres_server import PostgresServer
 from serving import STREET, running
 
 from autowaze.world.wire import encode_diff
@@ -34,3 +35,11 @@ def passes(diffs):
         return replace(diff, session=session, start=start, end=diff.end + session, new=new, trajectory=trajectory)
 
     return [encode_diff(later(diff, session)) for session in range(1, 21) for diff in diffs]
+
+
+@pytest.fixture(scope="session")
+def server():
+    """A PostgreSQL server with PostGIS; whoever stops it starts it again."""
+    server = PostgresServer()
+    yield server
+    server.remove()

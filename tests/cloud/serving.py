@@ -13,7 +13,7 @@ from autowaze.cloud.api.server import WebServer, listening_socket
 from autowaze.cloud.durable import DurableService
 from autowaze.cloud.passes import PassJournal
 from autowaze.cloud.service import CloudService
-from autowaze.cloud.store import SqliteStore
+from autowaze.cloud.store import open_store
 
 STREET = Street(count=12)
 NOW = 2000.0
@@ -43,12 +43,14 @@ class Site:
 
 
 @contextmanager
-def running(path, tokens=None, limit=None, street=STREET, admit=None, received=lambda: NOW, replays=False, **parts):
+def running(
+    path, tokens=None, limit=None, street=STREET, admit=None, received=lambda: NOW, replays=False, port=0, **parts
+):
     """A service in a thread of this process; `received` is its clock for the time of receipt."""
-    store = SqliteStore(path)
+    store = open_store(path)
     journal = PassJournal()
     durable = DurableService(lambda: CloudService(street.parking_map), store, received, admit, journal.note)
-    listening = listening_socket("127.0.0.1", 0)
+    listening = listening_socket("127.0.0.1", port)
     site = Site(f"http://127.0.0.1:{listening.getsockname()[1]}", durable, street)
     app = create_app(
         durable,

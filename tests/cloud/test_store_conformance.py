@@ -3,7 +3,6 @@
 import itertools
 
 import pytest
-from postgres_server import PostgresServer
 from street import Street
 
 from autowaze.cloud.store import Accepted, AuditEntry, StoreError, open_store, open_tokens
@@ -121,6 +120,36 @@ class Conformance:
         assert again.commit([diff(1)], [state("c")]) == 2
         again.close()
 
+    def test_two_snapshots_are_kept_and_damaged_ones_left_out(self, store):
+        large = bytes(range(256)) * 10_000
+        store.commit([diff(n) for n in range(5)], [])
+        for position, data in ((1, b"one"), (3, large), (5, b"five")):
+            store.save_snapshot(position, data)
+        assert list(store.snapshots()) == [(5, b"five"), (3, large)]
+        store._side.execute("UPDATE snapshot_parts SET data = ? WHERE position = 5", (b"FIVE",))
+        assert list(store.snapshots()) == [(3, large)]
+
+    def test_only_what_snapshots_cover_is_pruned(self, store, address):
+        for n in range(6):
+            store.commit([diff(n, 100.0 * n)], [state("a", observed_at=100.0 * n)])
+            store.audit(AuditEntry(0, 100.0 * n, "car-1", "refused", ""))
+        assert store.prune(1e9, 0.0) == 0
+        store.save_snapshot(4, b"four")
+        store.save_snapshot(6, b"six")
+        assert store.prune(200.0, 300.0) == 2
+        assert store.oldest == 3
+        assert store.prune(1e9, 300.0) == 2
+        assert store.oldest == 5
+        assert [accepted.sequence for accepted in store.log(after=4)] == [4, 5]
+        assert [change.received_at for change in store.history(0.0, 1e9, 10)] == [300.0, 400.0, 500.0]
+        assert [entry.at for entry in store.audit_entries()] == [300.0, 400.0, 500.0]
+        store.close()
+        again = open_store(address)
+        assert (again.position, again.oldest) == (6, 5)
+        assert again.commit([diff(6)], [state("a")]) == 7
+        assert [change.number for change in again.history(0.0, 1e9, 10)][-1] == 7
+        again.close()
+
     def test_one_process_writes(self, store, address):
         store.commit([diff(0)], [])
         other = open_store(address)
@@ -152,13 +181,6 @@ class TestSqlite(Conformance):
     @pytest.fixture
     def address(self, tmp_path):
         return tmp_path / "cloud.db"
-
-
-@pytest.fixture(scope="module")
-def server():
-    server = PostgresServer()
-    yield server
-    server.remove()
 
 
 class TestPostgres(Conformance):

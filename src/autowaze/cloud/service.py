@@ -161,7 +161,7 @@ class CloudService:
             ("georeference", repr(self.map.georeference)),
         ):
             if kept[name] != own:
-                raise SnapshotError(f"the snapshot is of {name} {kept[name]}, this service has {own}")
+                raise SnapshotError(f"the snapshot is of another {name.replace('_', ' ')} than this service")
         own_spots = self.spots.fingerprints()
         row_of = {fingerprint: row for row, fingerprint in enumerate(own_spots)}
         row_now = {row: row_of[print_] for row, print_ in enumerate(kept["spots"]) if print_ in row_of}

@@ -6,6 +6,7 @@ import asyncio
 import logging
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -21,6 +22,8 @@ MOST_WAITING = 512
 """Diffs that wait to be taken in, 2.5 s at 200 a second; the next one is told to come again."""
 MOST_AT_ONCE = 64
 """Diffs that share a commit."""
+PROBE_S = 1.0
+"""How often a store that does not answer is asked again while nobody hands anything in."""
 
 _log = logging.getLogger(__name__)
 _Answer = TypeVar("_Answer")
@@ -122,7 +125,7 @@ class Intake:
 
     async def _take_in_for_ever(self) -> None:
         while True:
-            batch = [await self._waiting.get()]
+            batch = [await self._next()]
             while len(batch) < MOST_AT_ONCE and not self._waiting.empty():
                 batch.append(self._waiting.get_nowait())
             # Shielded: a batch that may already be committed is always answered, even when the service stops.
@@ -132,6 +135,16 @@ class Intake:
             except asyncio.CancelledError:
                 await taking_in
                 raise
+
+    async def _next(self) -> _Waiting:
+        """The next one to take in; while nothing can be kept, see now and then whether the store is back."""
+        while not self.keeps:
+            with suppress(TimeoutError):
+                return await asyncio.wait_for(self._waiting.get(), PROBE_S)
+            with suppress(StoreError):
+                await asyncio.get_running_loop().run_in_executor(self._thread, self._durable.mend)
+                self.keeps = True
+        return await self._waiting.get()
 
     async def _take_in(self, batch: list[_Waiting]) -> None:
         loop = asyncio.get_running_loop()

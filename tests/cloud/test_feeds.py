@@ -172,6 +172,31 @@ def test_spots_are_read_page_by_page_as_qgis_does(site, payloads):
     assert any(part.endswith("/core") for part in site.client.get("/conformance").json()["conformsTo"])
 
 
+def test_a_client_may_ask_for_more_than_it_gets(site, payloads):
+    """As QGIS does: ten first, to learn the fields, then pages as long as the service has them, to the last."""
+    drive_by(site, payloads)
+    assert site.client.get("/collections/spots/items?limit=10").json()["numberReturned"] == 10
+    page = site.client.get("/collections/spots/items?limit=100000000000").json()
+    assert page["numberReturned"] == page["numberMatched"] == 12
+    assert [link["rel"] for link in page["links"]] == ["self"]
+    routes = site.client.get("/openapi.json").json()["paths"]
+    parameters = {p["name"]: p for p in routes["/collections/spots/items"]["get"]["parameters"]}
+    assert parameters["limit"]["schema"]["maximum"] == 1000
+    json_page = site.client.get("/", params={"f": "json"}, headers={"Accept": "text/html"})
+    assert {"service-desc", "conformance", "data"} <= {link["rel"] for link in json_page.json()["links"]}
+
+
+def test_pages_of_a_box_lead_on_within_the_box(site, payloads):
+    drive_by(site, payloads)
+    url = "/collections/spots/items?limit=2&bbox=-73.1,39.9,-72.9,40.1&datetime=1970-01-01T00:00:00Z/.."
+    seen = []
+    while url:
+        page = site.client.get(url).json()
+        seen += [feature["id"] for feature in page["features"]]
+        url = next((link["href"] for link in page["links"] if link["rel"] == "next"), None)
+    assert seen == [f"S{i}" for i in range(12)]
+
+
 def test_spots_may_be_chosen_by_when_they_were_seen(site, payloads):
     drive_by(site, payloads)
 
@@ -186,7 +211,16 @@ def test_spots_may_be_chosen_by_when_they_were_seen(site, payloads):
 @pytest.mark.parametrize(
     "query",
     [
-        *("limit=0", "limit=x", "offset=-1", "bbox=1,2,3", "bbox=a,b,c,d", "bbox=1,9,2,3", "bbox=nan,1,2,3"),
+        *(
+            "limit=0",
+            "limit=x",
+            "offset=-1",
+            "limits=5",
+            "bbox=1,2,3",
+            "bbox=a,b,c,d",
+            "bbox=1,9,2,3",
+            "bbox=nan,1,2,3",
+        ),
         *("datetime=yesterday", "datetime=2026-01-02T00:00:00Z/2026-01-01T00:00:00Z", "datetime=..%2F.."),
     ],
 )

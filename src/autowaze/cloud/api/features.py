@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from urllib.parse import quote, urlencode
 
 import numpy as np
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 from numpy.typing import NDArray
 
 from autowaze.cloud.api.bounding_box import BBOX, box_asked_for
@@ -26,11 +26,20 @@ MOST_ITEMS = 1000
 _OPENAPI = "application/vnd.oai.openapi+json;version=3.0"
 
 Link = dict[str, str]
+_Limit = Annotated[
+    int,
+    # More is no error but means the most (OGC 17-069r4, /req/core/fc-limit-response-1).
+    Query(ge=1, description="At most so many at once.", json_schema_extra={"maximum": MOST_ITEMS}),
+]
 
 
 def feature_routes(book: SpotBook, dashboard: Dashboard) -> APIRouter:
     """`/`, `/conformance`, `/collections`, `/collections/spots`, its items and each of them."""
-    router = APIRouter(tags=["OGC API Features"])
+    router = APIRouter(
+        tags=["OGC API Features"],
+        dependencies=[Depends(_only_known_parameters)],
+        responses=problems(HTTPStatus.BAD_REQUEST),
+    )
 
     @router.get(
         "/",
@@ -77,7 +86,7 @@ def feature_routes(book: SpotBook, dashboard: Dashboard) -> APIRouter:
     )
     async def items(
         request: Request,
-        limit: Annotated[int, Query(ge=1, le=10_000, description="At most so many at once.")] = 100,
+        limit: _Limit = 100,
         offset: Annotated[int, Query(ge=0, lt=1 << 31, description="Skip so many.")] = 0,
         bbox: BBOX = None,
         datetime: Annotated[str | None, Query(max_length=100, description="RFC 3339 time or interval")] = None,
@@ -126,6 +135,18 @@ def feature_routes(book: SpotBook, dashboard: Dashboard) -> APIRouter:
         return json_response(feature, GEOJSON)
 
     return router
+
+
+async def _only_known_parameters(request: Request) -> None:
+    """Refuse a parameter that a route does not have, as the standard has it (/req/core/query-param-unknown)."""
+    route = request.scope["route"]
+    if route.path == "/":  # of the live map, whose links may say anything
+        return
+    known = {"f", *(parameter.alias for parameter in route.dependant.query_params)}
+    unknown = sorted(set(request.query_params) - known)
+    if unknown:
+        said = f"no such parameter: {unknown[0][:100]!r}; there are {', '.join(sorted(known))}"
+        raise ProblemError(HTTPStatus.BAD_REQUEST, "bad_parameter", said)
 
 
 def _collection(request: Request, book: SpotBook) -> dict[str, Any]:

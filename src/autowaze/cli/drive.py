@@ -39,6 +39,7 @@ from autowaze.evaluation.network import network_metrics
 from autowaze.evaluation.overlay import OverlayVideo
 from autowaze.evaluation.report import report, write_report
 from autowaze.vehicle.node import VehicleNode
+from autowaze.vehicle.private_ends import PrivateEnds
 from autowaze.world.errors import AutowazeError
 from autowaze.world.map_file import load_map
 from autowaze.world.parking import Occupancy, ParkingMap
@@ -66,6 +67,9 @@ def drive(
     ] = None,
     token: Annotated[str | None, typer.Option(help="Token for the service.", envvar="AUTOWAZE_TOKEN")] = None,
     outbox: Annotated[Path | None, typer.Option(help="Where diffs wait for the service; else in your home.")] = None,
+    private_ends: Annotated[
+        float, typer.Option(help="Metres at the beginning and end of a drive that the service is not told of.", min=0)
+    ] = 0.0,
 ) -> None:
     """Drive a trace and say which spots are free, or let a service say it.
 
@@ -93,7 +97,8 @@ def drive(
             uplink_to(remote, outbox) as uplink,
             downlink_from(remote, stored) as downlink,
         ):
-            record = run_drive(source, node, uplink.send, show_progress, overlays.add, downlink, show_arrivals)
+            send = PrivateEnds(private_ends, uplink.send).send if private_ends else uplink.send
+            record = run_drive(source, node, send, show_progress, overlays.add, downlink, show_arrivals)
         results = {source.name: {**latency_metrics(record, node), **network_metrics(record)}}
         print_metrics("drive", results)
         if json_file:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import secrets
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
+from random import Random
 from typing import Protocol
 
 import numpy as np
@@ -84,7 +86,9 @@ class VehicleNode:
         self.camera = camera
         self.settings = settings or NodeSettings()
         self.stored_map = stored_map
-        self.session = secrets.randbits(SESSION_BITS) if session is None else session
+        # A car that is given its session draws the next ones from it, so that the same drive gives the same bytes.
+        self._draw = partial(secrets.randbits if session is None else Random(session).getrandbits, SESSION_BITS)
+        self.sessions = [self._draw() if session is None else session]
         self.times = StageTimes()
         self.observation: FrameObservation | None = None
         self._start = start or StartingPoint()
@@ -95,6 +99,11 @@ class VehicleNode:
         self._segmentation_thread = ThreadPoolExecutor(1, "segmentation")
         self._poses: list[Pose] = []
         self._frames = 0
+
+    @property
+    def session(self) -> int:
+        """The number of the vehicle session that goes on."""
+        return self.sessions[-1]
 
     def process(self, frame: StereoFrame) -> SemanticMapDiff | None:
         """Take in the next frame; the diff of the window that it completes, if it does."""
@@ -122,7 +131,7 @@ class VehicleNode:
         self.observation = FrameObservation(tracked, features, tracks, motions, ground)
         with self.times.stage("diff"):
             self.window.add(self.observation, self.slam.landmarks)
-            return self.window.close(self.slam.landmarks) if self.window.is_complete else None
+            return self._closed_window() if self.window.is_complete else None
 
     def adopt(self, update: MapUpdate) -> None:
         """Change the stored map between two windows, that is before the first frame or after one that gave a diff.
@@ -133,7 +142,7 @@ class VehicleNode:
         Raises:
             AutowazeError: a window is open, or the update is for another version of the map; nothing has changed.
         """
-        own = update.added.id >> np.uint64(SEQUENCE_BITS + ROW_BITS) == np.uint64(self.session)
+        own = np.isin(update.added.id >> np.uint64(SEQUENCE_BITS + ROW_BITS), np.array(self.sessions, np.uint64))
         update = replace(update, added=update.added[~own])
         stored = self.stored_map
         if stored is None:
@@ -150,7 +159,7 @@ class VehicleNode:
         if self._frames == 0:
             return None
         self.slam.finish()
-        return self.window.close(self.slam.landmarks) if self.window.start is not None else None
+        return self._closed_window() if self.window.start is not None else None
 
     def _begin(self, frame: StereoFrame) -> None:
         """Set out from what is known: the stored map, the start, the first fix."""
@@ -166,6 +175,14 @@ class VehicleNode:
         localizing = FeatureMap(stored.features[stored.features.described], stored.georeference) if stored else None
         self.slam = StereoSlam(self.camera, stored_map=localizing, T_map_start=T_start, position_prior=prior)
         self.window = DiffWindow(self.camera, self.session, self.settings.diff, stored, self.georeference)
+
+    def _closed_window(self) -> SemanticMapDiff:
+        """The window's diff; the next one may be of another session."""
+        diff = self.window.close(self.slam.landmarks)
+        if self.window.is_session_over:
+            self.sessions.append(self._draw())
+            self.window.begin_session(self.session)
+        return diff
 
     def _detect(self, frame: StereoFrame) -> Detections:
         with self.times.stage("segmentation"):

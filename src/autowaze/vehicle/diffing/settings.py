@@ -10,6 +10,7 @@ class DiffSettings(BaseModel):
 
     Attributes:
         window_s: length of a time window (thesis, sec. 4.5: five seconds).
+        session_s: how long a session goes on at most before the car draws a new number (docs/security.md).
         min_visible_frames: a stored feature counts as looked for when that many frames predict it visible.
         max_position_sigma_m: frames whose pose is less certain say nothing about what is gone.
         min_localized_fraction: a window with fewer localized frames sends no removals.
@@ -35,6 +36,7 @@ class DiffSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     window_s: float = Field(default=5.0, gt=0, le=3600)
+    session_s: float = Field(default=86_400.0, gt=0)
     min_visible_frames: int = Field(default=3, ge=1)
     max_position_sigma_m: float = Field(default=0.15, gt=0)
     min_localized_fraction: float = Field(default=0.5, ge=0, le=1)

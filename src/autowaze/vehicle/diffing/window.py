@@ -22,7 +22,7 @@ from autowaze.world.errors import AutowazeError
 from autowaze.world.feature_map import FeatureMap, MapFeatures
 from autowaze.world.features import CameraFeatures
 from autowaze.world.georeference import Georeference
-from autowaze.world.identity import MAX_FEATURES_PER_DIFF, feature_ids, instance_keys
+from autowaze.world.identity import MAX_FEATURES_PER_DIFF, MAX_SEQUENCE, feature_ids, instance_keys
 from autowaze.world.instances import Tracks
 from autowaze.world.labels import is_vehicle
 from autowaze.world.map_diff import SemanticMapDiff, Trajectory
@@ -64,6 +64,7 @@ class DiffWindow:
         self.georeference = georeference
         self._stored = stored_map or FeatureMap(georeference=georeference)
         self._sequence = 0
+        self._session_begun = self._session_ended = 0.0
         self._sent = np.zeros(0, np.int64)
         self._removed = np.zeros(0, np.uint64)
         self.looked_for = LookedFor.empty()
@@ -81,6 +82,18 @@ class DiffWindow:
             return False
         interval = self._times[-1] - self._times[-2]
         return self._times[-1] - self._times[0] + interval >= self.settings.window_s - interval / 2
+
+    @property
+    def is_session_over(self) -> bool:
+        """Whether the next window needs another session: numbers or time of this one have run out."""
+        lasts_s = self._session_ended - self._session_begun if self._sequence else 0.0
+        return self._sequence >= MAX_SEQUENCE or lasts_s + self.settings.window_s > self.settings.session_s
+
+    def begin_session(self, session: int) -> None:
+        """Go on under another session number, between two windows; what was sent stays sent."""
+        self.session = session
+        self._sequence = 0
+        self._instances = InstanceRecord(session)
 
     def replace_stored(self, stored: FeatureMap) -> None:
         """Compare with another version of the map from here on; raises `AutowazeError` in the middle of a window."""
@@ -129,6 +142,8 @@ class DiffWindow:
             traffic=self._instances.traffic(),
             trajectory=positions,
         )
+        self._session_begun = diff.start if self._sequence == 0 else self._session_begun
+        self._session_ended = diff.end
         self._sequence += 1
         self._open()
         return diff

@@ -1,10 +1,18 @@
 """A day played again."""
 
 import gzip
+import json
 
 import httpx
+import numpy as np
 import pytest
 from serving import assert_problem, running
+from street import Street
+
+from autowaze.cloud.api.spot_book import BelievedSpots, FadingStates
+from autowaze.cloud.api.spot_collection import FixedTexts
+from autowaze.cloud.api.spot_sheet import SpotSheet
+from autowaze.world.parking import Occupancy, SpotState
 
 
 @pytest.fixture
@@ -107,6 +115,19 @@ def test_all_spots_are_written_once_for_all_and_packed(day, passes, diffs):
     day.now += 60.0
     aged = day.client.get("/spots.geojson").json()["features"][0]["properties"]["age_s"]
     assert aged == after["features"][0]["properties"]["age_s"] + 60.0
+
+
+def test_many_spots_are_written_as_few_are():
+    states = [SpotState("S0", Occupancy.VACANT, 0.912345, 1000.25), SpotState("S1", Occupancy.UNKNOWN)]
+    states += [SpotState("S2", Occupancy.OCCUPIED, 0.02, 1999.0), SpotState("S3", Occupancy.VACANT, 0.7, 100.0)]
+    sheet = SpotSheet(Street(count=4).parking_map)
+    texts, rows = FixedTexts(), np.array([0, 1, 2, 3])
+    for now, fades in ((2000.0, True), (90_000.0, True), (500.0, False)):
+        believed = BelievedSpots(FadingStates(states, now, fades), now, 7, sheet)
+        document = json.loads(texts.written(believed, rows, 7))
+        assert document["features"] == [believed.feature(row) for row in range(4)]
+        assert json.loads(texts.written(believed, rows[2:3], None))["features"] == [believed.feature(2)]
+        assert document["map_version"] == 7
 
 
 def test_a_day_of_long_ago_is_played_at_its_own_time(tmp_path, payloads):

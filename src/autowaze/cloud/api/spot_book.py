@@ -16,6 +16,8 @@ from autowaze.cloud.belief import DECIDED, aged, faded_probability
 from autowaze.cloud.service import CloudService
 from autowaze.world.parking import Occupancy, ParkingMap, SpotState
 
+_CALLED = (Occupancy.VACANT, Occupancy.OCCUPIED, Occupancy.UNKNOWN)
+
 
 class FadingStates(Sequence[SpotState]):
     """States as believed at a time, each worked out when it is looked at: a city has many, a client wants few.
@@ -54,20 +56,23 @@ class FadingStates(Sequence[SpotState]):
         since = self._now - np.array(observed_at) if self.fades else np.zeros(len(states))
         return faded_probability(vacant, np.maximum(since, 0.0) + later_s)
 
+    def occupancies(self, rows: NDArray[np.int64]) -> list[Occupancy]:
+        """What each of the spots (N,) is called."""
+        if not self.fades:
+            return [self._as_observed[row].occupancy for row in rows.tolist()]
+        vacant = self.probabilities(rows)
+        seen = np.array([moment is not None for moment in self.observed_at(rows)], dtype=np.bool_)
+        code = np.where(seen & (vacant >= DECIDED), 0, np.where(seen & (1.0 - vacant >= DECIDED), 1, 2))
+        return [_CALLED[c] for c in code.tolist()]
+
     def observed_at(self, rows: NDArray[np.int64]) -> list[float | None]:
         """When each of the spots (N,) was last observed, seconds since the epoch (UTC)."""
         return [self._as_observed[row].observed_at for row in rows.tolist()]
 
     def counts(self) -> dict[Occupancy, int]:
         """How many spots are in each state."""
-        if not self.fades:
-            found = Counter(state.occupancy for state in self._as_observed)
-            return {state: found[state] for state in Occupancy}
-        seen = np.flatnonzero([state.observed_at is not None for state in self._as_observed])
-        vacant = self.probabilities(seen)
-        free, taken = int((vacant >= DECIDED).sum()), int((1.0 - vacant >= DECIDED).sum())
-        unknown = len(self) - free - taken
-        return {Occupancy.VACANT: free, Occupancy.OCCUPIED: taken, Occupancy.UNKNOWN: unknown}
+        found = Counter(self.occupancies(np.arange(len(self))))
+        return {state: found[state] for state in Occupancy}
 
 
 @dataclass(frozen=True)

@@ -231,6 +231,7 @@ export class LiveMap {
     const spot = id === null ? undefined : this.shown.get(id);
     this.city.select(spot?.id ?? null);
     this.card.show(spot ?? null);
+    if (spot) byId("panel").scrollTo({ top: 0 }); // the card is above the list, which may be long
     if (spot && look) this.city.look(spot.centre);
   }
 

@@ -58,7 +58,7 @@ export class CityMap {
       attributionControl: false,
       pixelRatio: Math.min(devicePixelRatio, 2),
       fadeDuration: calm.matches ? 0 : 150,
-      canvasContextAttributes: { antialias: true },
+      canvasContextAttributes: { antialias: !drawsInSoftware() },
       locale: { "Map.Title": "Map of parking spots; arrow keys move it, Enter chooses the spot in the middle" },
     });
     this.map.addControl(new NavigationControl({ visualizePitch: true }), "top-right");
@@ -187,9 +187,12 @@ export class CityMap {
   /** For those who wait for the map to have caught up: the version of the map that it shows. */
   private stamp(book: SpotBook): void {
     const version = String(book.version);
-    this.map.once("idle", () => {
+    const drawn = (): void => {
+      if (!this.map.isSourceLoaded("spots")) return;
+      this.map.off("render", drawn);
       this.map.getContainer().dataset["version"] = version;
-    });
+    };
+    this.map.on("render", drawn);
     this.map.triggerRepaint();
   }
 
@@ -264,6 +267,15 @@ export class CityMap {
       },
     };
   }
+}
+
+/** Whether there is no graphics hardware: then smooth edges of buildings cost more than they are worth. */
+function drawsInSoftware(): boolean {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const details = gl?.getExtension("WEBGL_debug_renderer_info");
+  const renderer: unknown = gl && details ? gl.getParameter(details.UNMASKED_RENDERER_WEBGL) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software/i.test(String(renderer));
 }
 
 function parkedFeature(spot: Spot): Feature {

@@ -98,7 +98,7 @@ async def drive(port: int, fleet: Fleet, rate: float, seconds: float, tally: Tal
     connecting = (loop.create_connection(lambda: Car(tally), "127.0.0.1", port) for _ in range(fleet.cars))
     cars = [protocol for _, protocol in await asyncio.gather(*connecting)]
     sequences = [0] * fleet.cars
-    began = time.perf_counter()
+    began, began_at = time.perf_counter(), time.time()
     for number in range(int(rate * seconds)):
         pause = began + number / rate - time.perf_counter()
         if pause > 0:
@@ -107,7 +107,7 @@ async def drive(port: int, fleet: Fleet, rate: float, seconds: float, tally: Tal
         if cars[car].waits:
             tally.late += 1
             continue
-        cars[car].hand_in(fleet.payload(car, sequences[car], time.time()))
+        cars[car].hand_in(fleet.payload(car, sequences[car], began_at + number / rate))
         sequences[car] += 1
     await asyncio.sleep(2.0)
 

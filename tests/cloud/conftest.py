@@ -1,5 +1,6 @@
 """A running service, and drives to feed it."""
 
+import time
 from dataclasses import replace
 
 import pytest
@@ -43,3 +44,11 @@ def server():
     server = PostgresServer()
     yield server
     server.remove()
+
+
+@pytest.fixture(params=["sqlite", "postgres"])
+def address(request, tmp_path):
+    """Of an empty store, of either kind."""
+    if request.param == "sqlite":
+        return tmp_path / "cloud.db"
+    return request.getfixturevalue("server").make(f"cloud_{time.monotonic_ns()}")

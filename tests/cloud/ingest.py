@@ -8,10 +8,12 @@ from street import Street
 
 from autowaze.cloud.durable import DurableService
 from autowaze.cloud.service import CloudService
-from autowaze.cloud.store import SqliteStore
+from autowaze.cloud.store import open_store
 
 store, messages, street = sys.argv[1], pickle.loads(Path(sys.argv[2]).read_bytes()), Street(count=int(sys.argv[3]))
-durable = DurableService(lambda: CloudService(street.parking_map), SqliteStore(store))
+durable = DurableService(lambda: CloudService(street.parking_map), open_store(store))
 for number, message in enumerate(messages):
     durable.receive(message)
+    if number % 7 == 6:
+        durable.snapshot()
     print(number, flush=True)

@@ -50,13 +50,6 @@ def drawn(ring_of, spot_id="S2", shift=0.3):
     return SpotEdit(spot_id, tuple((float(lon), float(lat)) for lon, lat in ring), "parallel")
 
 
-@pytest.fixture(params=["sqlite", "postgres"])
-def address(request, tmp_path):
-    if request.param == "sqlite":
-        return tmp_path / "cloud.db"
-    return request.getfixturevalue("server").make(f"recovery_{time.monotonic_ns()}")
-
-
 def test_a_pruned_log_and_its_snapshots_tell_what_the_whole_log_tells(address, tmp_path):
     whole, journal = opened(tmp_path / "undisturbed.db")
     edit = drawn(STREET.parking_map.spots[2])

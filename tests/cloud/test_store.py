@@ -13,7 +13,7 @@ from street import Street
 
 from autowaze.cloud.durable import DurableService
 from autowaze.cloud.service import CloudService
-from autowaze.cloud.store import SqliteStore, StoreError
+from autowaze.cloud.store import SqliteStore, StoreError, open_store
 from autowaze.world.errors import WireError
 from autowaze.world.wire import encode_diff
 
@@ -35,7 +35,7 @@ def renamed(diff, session, later):
 
 
 def opened(path, method="fused"):
-    return DurableService(lambda: CloudService(STREET.parking_map, method), SqliteStore(path), clock=lambda: 1.0)
+    return DurableService(lambda: CloudService(STREET.parking_map, method), open_store(path), clock=lambda: 1.0)
 
 
 def undisturbed(payloads):
@@ -64,13 +64,13 @@ def test_a_new_process_goes_on_where_the_last_one_stopped(tmp_path):
     assert kept(tmp_path / "cloud.db") == {state.spot_id: state for state in second.service.states}
 
 
-def test_kill_9_loses_nothing_acknowledged_and_counts_nothing_twice(tmp_path):
+def test_kill_9_loses_nothing_acknowledged_and_counts_nothing_twice(address, tmp_path):
     payloads = messages(60)
     (tmp_path / "messages").write_bytes(pickle.dumps(payloads))
     acknowledged = 0
     for kill_after in KILLS_AFTER:
         process = subprocess.Popen(
-            [sys.executable, "ingest.py", tmp_path / "cloud.db", tmp_path / "messages", str(STREET.count)],
+            [sys.executable, "ingest.py", str(address), tmp_path / "messages", str(STREET.count)],
             cwd=Path(__file__).parent,
             stdout=subprocess.PIPE,
             text=True,
@@ -81,14 +81,16 @@ def test_kill_9_loses_nothing_acknowledged_and_counts_nothing_twice(tmp_path):
                 if int(line) >= kill_after:
                     os.kill(process.pid, signal.SIGKILL)
                     break
-        store = SqliteStore(tmp_path / "cloud.db")
+        store = open_store(address)
         assert store.position >= acknowledged > kill_after
         log = [accepted.payload for accepted in store.log()]
         assert log == payloads[: store.position]
         store.close()
-    recovered = opened(tmp_path / "cloud.db")
+    recovered = opened(address)
     assert recovered.service.states == undisturbed(log).states
-    assert kept(tmp_path / "cloud.db").items() <= {s.spot_id: s for s in recovered.service.states}.items()
+    stored = {state.spot_id: state for state in recovered.store.spots()}
+    assert stored.items() <= {state.spot_id: state for state in recovered.service.states}.items()
+    recovered.store.close()
 
 
 def test_a_bad_message_does_not_touch_the_others(tmp_path):

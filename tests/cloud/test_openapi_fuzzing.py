@@ -80,3 +80,20 @@ def test_bad_parameters_are_described_as_they_are_answered(served):
         for operation in route.values():
             if operation.get("parameters"):
                 assert operation["responses"]["400"]["content"]["application/json"] == problem, path
+
+
+def test_the_document_says_which_routes_ask_for_a_token(served):
+    document = served.client.get("/openapi.json").json()
+    assert document["components"]["securitySchemes"]["token"]["scheme"] == "bearer"
+    routes = [
+        (verb, path) for path, route in document["paths"].items() for verb, op in route.items() if "security" in op
+    ]
+    asking = {
+        ("post", "/v1/diffs"),
+        ("get", "/map"),
+        ("get", "/map/points"),
+        ("get", "/fleet"),
+        ("put", "/spots/{spot_id}"),
+    }
+    assert asking <= set(routes)
+    assert not {("get", "/spots.geojson"), ("get", "/nearest"), ("get", "/stats")} & set(routes)

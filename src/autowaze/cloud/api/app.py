@@ -32,7 +32,7 @@ from autowaze.cloud.api.mqtt_gateway import MqttGateway
 from autowaze.cloud.api.nearest import ParkingGuide, nearest_routes
 from autowaze.cloud.api.operations import operation_routes
 from autowaze.cloud.api.parking_editor import ParkingEditor, parking_editor_routes
-from autowaze.cloud.api.problems import answer_with_problems
+from autowaze.cloud.api.problems import NEEDS_TOKEN, answer_with_problems
 from autowaze.cloud.api.refusals import RefusalLog
 from autowaze.cloud.api.security import SecurityHeaders
 from autowaze.cloud.api.spot_book import SpotBook
@@ -121,7 +121,7 @@ def create_app(
     app.include_router(ingest_routes(intake, guard, meters))
     app.include_router(ingest_socket_routes(desk, guard))
     for of_map in (map_routes(intake), map_point_routes(intake, parking_map.georeference)):
-        app.include_router(of_map, dependencies=[Depends(guard.admits(Scope.MAP))])
+        app.include_router(of_map, dependencies=[Depends(guard.admits(Scope.MAP))], responses=NEEDS_TOKEN)
     app.include_router(spot_routes(book, SpotCollections(book, history)))
     app.include_router(history_routes(history))
     app.include_router(nearest_routes(ParkingGuide(book, SpotFinder(streets))))

@@ -71,6 +71,10 @@ def problems(*statuses: HTTPStatus) -> dict[int | str, dict[str, Any]]:
     return {int(status): {"model": Problem, "description": status.phrase} for status in statuses}
 
 
+NEEDS_TOKEN = problems(HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN)
+"""Responses of a route that asks for a token."""
+
+
 def answer_with_problems(app: FastAPI) -> None:
     """Let every error of this application leave as a `Problem`."""
     app.add_exception_handler(HTTPException, _of_http)
@@ -82,7 +86,10 @@ def answer_with_problems(app: FastAPI) -> None:
 
 
 def describe_problems(document: dict[str, Any]) -> dict[str, Any]:
-    """An OpenAPI document in which bad parameters are answered as they are: with 400 and a `Problem`."""
+    """An OpenAPI document that says what FastAPI cannot know.
+
+    Bad parameters are answered with 400 and a `Problem`; what may answer 401 takes a token.
+    """
     for operations in document["paths"].values():
         for operation in operations.values():
             unlike_ours = operation["responses"].get("422", {}).get("content", {}).get("application/json", {})
@@ -90,10 +97,13 @@ def describe_problems(document: dict[str, Any]) -> dict[str, Any]:
                 del operation["responses"]["422"]
             if operation.get("parameters") or "requestBody" in operation:
                 operation["responses"].setdefault("400", _BAD_REQUEST)
+            if str(int(HTTPStatus.UNAUTHORIZED)) in operation["responses"]:
+                operation["security"] = [{"token": []}]
     schemas = document.get("components", {}).get("schemas", {})
     for unused in ("HTTPValidationError", "ValidationError"):
         schemas.pop(unused, None)
     schemas.setdefault("Problem", Problem.model_json_schema())
+    document["components"]["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
     return document
 
 

@@ -4,15 +4,17 @@ import hashlib
 import json
 import threading
 import time
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 
 import paho.mqtt.client as paho
 import pytest
 from brokers import GuardedMosquitto, GuardedNats, Mosquitto, Nats
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
-from serving import running
+from service_process import geojson_of, serve
+from serving import STREET, running
 
 from autowaze.cloud.api.guard import RateLimit
+from autowaze.cloud.store import open_store
 from autowaze.cloud.store.tokens import Scope, open_tokens
 from autowaze.vehicle.mqtt import MqttTransport
 from autowaze.vehicle.outbox import Outbox
@@ -92,6 +94,30 @@ def test_killing_the_broker_loses_nothing_and_counts_nothing_twice(broker, tmp_p
         assert [kept.payload for kept in site.durable.store.log()] == passes
 
 
+def test_killing_the_service_loses_nothing_and_counts_nothing_twice(mosquitto, tmp_path, passes):
+    (tmp_path / "spots.geojson").write_text(json.dumps(geojson_of(STREET.parking_map)))
+    process, port = serve(tmp_path, 0, "--mqtt", mosquitto.url)
+    try:
+        with car(tmp_path / "outbox", mosquitto, patience_s=1.0) as uplink:
+            for payload in passes:
+                uplink.send(payload)
+            for kill in (1, 2):
+                wait_until(lambda kill=kill: uplink.acknowledged >= kill * len(passes) // 4, 60)
+                acknowledged = uplink.acknowledged
+                process.kill()
+                process.wait()
+                with closing(open_store(tmp_path / "cloud.db")) as kept:
+                    assert kept.position >= acknowledged
+                process, port = serve(tmp_path, port, "--mqtt", mosquitto.url)
+            assert uplink.flush(60), uplink.trouble
+            assert uplink.refused == uplink.outbox.dropped == 0
+    finally:
+        process.terminate()
+        process.wait(30)
+    with closing(open_store(tmp_path / "cloud.db")) as store:
+        assert [kept.payload for kept in store.log()] == passes
+
+
 def test_diffs_wait_while_only_the_service_is_away(mosquitto, tmp_path, payloads):
     with car(tmp_path / "outbox", mosquitto, patience_s=0.5) as uplink:
         uplink.send(payloads[0])
@@ -144,6 +170,7 @@ def test_what_was_overheard_cannot_be_used(mosquitto, tmp_path, payloads):
     with running(tmp_path / "cloud.db", tokens, broker=mosquitto.address) as site:
         signed = sign_diff(payloads[0], "0123456789abcdef", secret)
         altered = signed[: -len(payloads[0])] + payloads[1]
+        wait_for_service(mosquitto)
         for topic, message in ((new_car(), signed), ("0123456789abcdef", altered), ("0123456789abcdef", signed[:70])):
             assert answer_to(mosquitto, topic, message)["verdict"] == "later"
         assert site.durable.store.position == 0
@@ -295,6 +322,14 @@ def answer_to(broker, name, message):
         return json.loads(answers[0])
     finally:
         session.close()
+
+
+def wait_for_service(broker):
+    """Until the service has subscribed: then it retains its spots."""
+    retained = []
+    session = reconnected(broker, lambda session, message: retained.append(message.topic))
+    wait_until(lambda: retained)
+    session.close()
 
 
 def sha256_of(data):

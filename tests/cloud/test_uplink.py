@@ -2,10 +2,7 @@
 
 import json
 import os
-import re
 import signal
-import subprocess
-import sys
 import threading
 import time
 from contextlib import contextmanager
@@ -14,8 +11,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from service_process import geojson_of, serve
 from serving import STREET, running
-from shapely.geometry import mapping
 
 from autowaze.cli.remote_drive import (
     RemoteCloud,
@@ -202,34 +199,6 @@ def test_kill_9_while_a_car_uploads_loses_nothing_and_counts_nothing_twice(tmp_p
     known = {state.spot_id: state for state in alone.states if state.observed_at is not None}
     assert {state.spot_id: state for state in store.spots()} == known
     store.close()
-
-
-def serve(folder, port):
-    """`autowaze cloud` in a process of its own, ready; returns it and its port."""
-    process = subprocess.Popen(
-        [
-            *(sys.executable, "-c", "from autowaze.cli.main import run; run()", "cloud", "--open", "--replay"),
-            *("--spots", folder / "spots.geojson", "--store", folder / "cloud.db", "--port", str(port)),
-        ],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env={**os.environ, "PYTHONUNBUFFERED": "1"},
-    )
-    line = process.stdout.readline()
-    process.stdout.close()
-    return process, int(re.search(r":(\d+) ", line)[1])
-
-
-def geojson_of(parking_map):
-    reference = parking_map.georeference
-    features = []
-    for spot in parking_map.spots:
-        geometry = mapping(spot.polygon)
-        ring = [list(map(float, p)) for p in reference.to_lon_lat(list(spot.polygon.exterior.coords))]
-        features.append({"type": "Feature", "id": spot.id, "geometry": {**geometry, "coordinates": [ring]}})
-    member = {"lat": reference.lat_deg, "lon": reference.lon_deg, "altitude_m": reference.altitude_m}
-    return {"type": "FeatureCollection", "georeference": member, "features": features}
 
 
 def wait_for_acknowledged(uplink, enough, timeout_s=20.0):

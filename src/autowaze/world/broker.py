@@ -11,7 +11,7 @@ from autowaze.world.errors import AutowazeError
 
 ROOT = "autowaze/v1"
 EVERY_DIFF = f"{ROOT}/diffs/+"
-_CAR = re.compile(r"[A-Za-z0-9_-]{8,64}")
+_DIFFS_OF = re.compile(re.escape(ROOT) + r"/diffs/([A-Za-z0-9_-]{8,64})")
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ def map_topic(zoom: int, x: int, y: int) -> str:
 
 def car_of_topic(topic: str) -> str | None:
     """The car that published on a topic for diffs; None if no car is called so."""
-    car = topic.removeprefix(f"{ROOT}/diffs/")
-    return car if _CAR.fullmatch(car) else None
+    found = _DIFFS_OF.fullmatch(topic)
+    return found[1] if found else None
 
 
 def new_car() -> str:

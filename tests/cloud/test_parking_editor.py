@@ -11,6 +11,9 @@ import shapely
 from serving import STREET, assert_problem, running
 from street import GEOREFERENCE, Street
 
+from autowaze.cloud.api.intake import Intake
+from autowaze.cloud.api.mqtt_broadcast import MqttBroadcast
+from autowaze.cloud.api.spot_book import SpotBook
 from autowaze.cloud.api.spot_sheet import SpotSheet
 from autowaze.cloud.api.zones import Kerb
 from autowaze.cloud.durable import DurableService
@@ -18,7 +21,7 @@ from autowaze.cloud.service import CloudService
 from autowaze.cloud.spot_edits import SpotEdit, drawing, feature_of_spot
 from autowaze.cloud.store import open_store
 from autowaze.cloud.store.tokens import Scope, TokenRegister
-from autowaze.world.parking import Occupancy, ParkingMap, ParkingSpot
+from autowaze.world.parking import Occupancy, ParkingMap, ParkingSpot, SpotState
 from autowaze.world.spot_check import check_spots
 from autowaze.world.wire import encode_diff
 
@@ -236,6 +239,38 @@ def test_a_restart_finds_the_edited_map_and_the_same_states(tmp_path, passes):
     assert {s.spot_id: s for s in again.store.spots()} == known
     again.receive(passes[30])
     assert again.service.spots.row_of["new"] == len(states) - 1
+
+
+def test_a_restart_from_a_snapshot_knows_the_edits_before_and_after_it(tmp_path, passes):
+    before = [(3, drawing("S1", feature_of_spot(moved(spot(1), 0.4), GEOREFERENCE))), (5, SpotEdit("S3", None))]
+    durable = editing(before, passes[:8], tmp_path / "cloud.db")
+    durable.snapshot()
+    durable.edit(drawing("new", feature_of_spot(moved(spot(3), name="new"), GEOREFERENCE)), "ann")
+    for payload in passes[8:12]:
+        durable.receive(payload)
+    durable.edit(SpotEdit("S0", None), "ann")
+    states = durable.service.states
+    durable.store.close()
+    again = DurableService(lambda: CloudService(STREET.parking_map), open_store(tmp_path / "cloud.db"), lambda: 1.0)
+    assert again.service.states == states
+    assert again.service.spots.ids[0] == "S1"
+    assert again.service.spots.ids[-1] == "new"
+
+
+def test_the_broker_gets_the_tiles_of_spots_that_were_drawn_and_erased():
+    intake = Intake(None, lambda update: None)
+    book = SpotBook(STREET.parking_map, intake, None)
+    broadcast = MqttBroadcast(book, intake)
+    broadcast._states = [SpotState(spot_id, Occupancy.UNKNOWN) for spot_id in book.sheet.ids]
+    far, sheet = moved(spot(2), along_m=2000.0), book.sheet
+    for edited in (far, None, moved(spot(4), 3.0, name="new")):
+        spot_id = "S2" if edited is None else edited.id
+        state = SpotState(spot_id, Occupancy.VACANT, 0.9, 5.0) if edited else None
+        sheet = sheet.with_spot(edited) if edited else sheet.without_spot(spot_id)
+        broadcast.redrawn(sheet, spot_id, state)
+    told = [s["spot_id"] for tile in broadcast._changed for s in json.loads(broadcast._document(tile))["spots"]]
+    assert sorted(told) == sorted(sheet.ids)
+    assert any(not json.loads(broadcast._document(tile))["spots"] for tile in broadcast._changed)  # where far was
 
 
 def test_an_edit_that_could_not_be_kept_has_not_happened(tmp_path, passes):

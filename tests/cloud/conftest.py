@@ -31,9 +31,9 @@ def passes(diffs):
     """Many small diffs, as if cars passed one after the other."""
 
     def later(diff, session):
-        start = diff.start + session
-        new, trajectory = diff.new[:0], diff.trajectory[:0]
-        return replace(diff, session=session, start=start, end=diff.end + session, new=new, trajectory=trajectory)
+        path = replace(diff.trajectory, time=diff.trajectory.time + session)
+        start, end = diff.start + session, diff.end + session
+        return replace(diff, session=session, start=start, end=end, new=diff.new[:0], trajectory=path)
 
     return [encode_diff(later(diff, session)) for session in range(1, 21) for diff in diffs]
 

@@ -308,6 +308,7 @@ export class LiveMap {
         const points = await this.service.mapPoints(...this.city.view);
         if (button.ariaPressed !== "true") return;
         this.points.show(points, this.city.colours.labels);
+        this.city.show(["parked"], false); // the points of a parked car are inside of it
         announce(`${points.count.toLocaleString()} features of the map are shown as points`);
       } catch (error) {
         if (button.ariaPressed !== "true") return;
@@ -323,7 +324,10 @@ export class LiveMap {
       }
       button.ariaPressed = String(on);
       if (on) void fetchPoints();
-      else this.points.clear();
+      else {
+        this.points.clear();
+        this.city.show(["parked"], true);
+      }
     });
     button.ariaPressed = "false";
     let waiting: ReturnType<typeof setTimeout> | undefined;

@@ -97,6 +97,7 @@ describe("words", () => {
   it("of chances: how sure the service is of what it says", () => {
     expect(chanceText({ state: "vacant", probability: 0.93, observedAt: 1 })).toBe("93 % sure");
     expect(chanceText({ state: "occupied", probability: 0.04, observedAt: 1 })).toBe("96 % sure");
+    expect(chanceText({ state: "vacant", probability: 1, observedAt: 1 })).toBe("> 99 % sure");
     expect(chanceText({ state: "unknown", probability: 0.5, observedAt: null })).toBe("Nobody has looked yet");
   });
 });

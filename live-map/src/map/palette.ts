@@ -25,10 +25,10 @@ export interface Palette {
 }
 
 const LABELS_LIGHT = [
-  "#5b6b7a", "#b3261e", "#b3261e", "#b3261e", "#8250df", "#c2410c", "#c2410c", "#9a6700", "#9a6700", "#6e7781",
+  "#44566b", "#7c2fe0", "#7c2fe0", "#7c2fe0", "#b4459c", "#c2410c", "#c2410c", "#9a6700", "#9a6700", "#6e7781",
 ];
 const LABELS_DARK = [
-  "#9fb2c4", "#ff8d7a", "#ff8d7a", "#ff8d7a", "#c297ff", "#ffb077", "#ffb077", "#f2cc60", "#f2cc60", "#8b98a5",
+  "#9fb2c4", "#c9a1ff", "#c9a1ff", "#c9a1ff", "#ff9ee0", "#ffb077", "#ffb077", "#f2cc60", "#f2cc60", "#8b98a5",
 ];
 
 export const PALETTES: Record<Theme, Palette> = {

@@ -90,7 +90,7 @@ export class PointLayer implements CustomLayerInterface {
     const matrix = new Float32Array(product(defaultProjectionData.mainMatrix, this.toMercator));
     gl.useProgram(this.program);
     gl.uniformMatrix4fv(gl.getUniformLocation(this.program, "u_matrix"), false, matrix);
-    gl.uniform1f(gl.getUniformLocation(this.program, "u_size"), 3.5 * devicePixelRatio);
+    gl.uniform1f(gl.getUniformLocation(this.program, "u_size"), 4 * devicePixelRatio);
     gl.bindVertexArray(this.arrangement);
     gl.drawArrays(gl.POINTS, 0, this.count);
     gl.bindVertexArray(null);

@@ -120,6 +120,7 @@ export function mapLayers(palette: Palette, latitude: number): LayerSpecificatio
         "text-font": FONT,
         "text-size": 12,
         "symbol-placement": "line",
+        "symbol-spacing": 500,
         "text-letter-spacing": 0.04,
       },
       paint: { "text-color": palette.streetName, "text-halo-color": palette.street, "text-halo-width": 1.5 },

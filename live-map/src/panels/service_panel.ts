@@ -7,6 +7,8 @@ import { facts } from "./spot_card";
 import { toast } from "./toasts";
 
 const POLL_MS = 1000;
+/** In the order in which a diff goes through them. */
+const STAGES = ["decode", "admission", "integration", "grouping", "outliers", "boxes", "occupancy", "broadcast"];
 export const TOKEN_KEY = "autowaze-token";
 
 export class ServicePanel {
@@ -98,7 +100,8 @@ export class ServicePanel {
       ["Diffs taken in", stats.diffs.total.toLocaleString()],
       ["Diffs per second", stats.diffs.per_second.toFixed(1)],
       ["Received", bytesText(stats.diffs.bytes_total)],
-      ["Receipt to broadcast", `${delayText(stats.delay_ms.p50)} median, ${delayText(stats.delay_ms.p99)} p99`],
+      ["To broadcast, median", delayText(stats.delay_ms.p50)],
+      ["To broadcast, 99 % within", delayText(stats.delay_ms.p99)],
       ["Map features", stats.map_features.toLocaleString()],
       ["Map version", stats.map_version.toLocaleString()],
       ...(cars === null ? [] : [["Cars on the map", String(cars)] satisfies [string, string]]),
@@ -106,7 +109,7 @@ export class ServicePanel {
       ["Running for", durationText(stats.uptime_s)],
     ];
     this.figures.replaceChildren(facts(rows));
-    const stages = Object.entries(stats.stages_ms);
+    const stages = Object.entries(stats.stages_ms).sort(([a], [b]) => STAGES.indexOf(a) - STAGES.indexOf(b));
     const longest = Math.max(...stages.map(([, ms]) => ms), 1e-9);
     this.stages.replaceChildren(
       ...(stages.length > 0

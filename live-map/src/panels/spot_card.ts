@@ -2,7 +2,7 @@
 
 import { announce, element, icon } from "../dom";
 import { type LonLat, shapeOf } from "../geometry/plane";
-import { ageText, chanceText, type Spot, STATE_NAME } from "../spots/spot";
+import { ageText, chanceText, percent, type Spot, STATE_NAME } from "../spots/spot";
 
 export class SpotCard {
   readonly element = element("section", { className: "card", hidden: true, ariaLabel: "Chosen spot" });
@@ -48,6 +48,7 @@ export class SpotCard {
         className: "chance",
       }),
       facts([
+        ["Chance that it is free", percent(spot.probability)],
         ["Last seen", seen],
         ["Kind", spot.kind],
         ["Size", `${size.lengthM.toFixed(1)} × ${size.widthM.toFixed(1)} m`],

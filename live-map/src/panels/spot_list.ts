@@ -7,6 +7,8 @@ import type { SpotBook } from "../spots/spot_book";
 /** More would neither be read nor be quick; the map zooms in, the filter narrows. */
 export const MOST_SHOWN = 100;
 
+const byName = new Intl.Collator(undefined, { numeric: true });
+
 export interface Selection {
   states: ReadonlySet<State>;
   text: string;
@@ -22,7 +24,7 @@ export function selected(spots: Iterable<Spot>, { states, text, view }: Selectio
     return wanted !== "" || !view || (lon >= view[0] && lat >= view[1] && lon <= view[2] && lat <= view[3]);
   });
   const rank = (spot: Spot): number => STATES.indexOf(spot.state);
-  return found.sort((a, b) => rank(a) - rank(b) || a.id.localeCompare(b.id, undefined, { numeric: true }));
+  return found.sort((a, b) => rank(a) - rank(b) || byName.compare(a.id, b.id));
 }
 
 export class SpotList {

@@ -73,7 +73,10 @@ export function chanceText(spot: Pick<Spot, "state" | "probability" | "observedA
   return `${percent(confidence(spot))} sure`;
 }
 
+/** Nothing that a car saw is certain, so never 0 or 100. */
 export function percent(share: number): string {
+  if (share >= 0.995) return "> 99 %";
+  if (share < 0.005) return "< 1 %";
   return `${Math.round(share * 100)} %`;
 }
 

@@ -125,6 +125,7 @@ export class Timeline {
     if (!this.active) return;
     this.active = false;
     this.onMode();
+    if (document.activeElement === this.live) this.play.focus(); // the button is about to go
     this.show();
     announce("Live again");
   }

@@ -15,7 +15,7 @@ from autowaze.world.map_diff import SemanticMapDiff
 
 MAX_WINDOWS = 8
 """Windows kept per spot, the newest; which ones does not depend on the order of arrival."""
-_BLOCK_CELLS = 32
+_BLOCK_BITS = 5
 
 
 class WindowVotes(NamedTuple):
@@ -143,12 +143,8 @@ class GroundVotes:
         """Spots (N,) that the blocks of 8 m around the cells touch, sorted: no more work than there are cells."""
         if len(ground) == 0:
             return np.zeros(0, np.int64)
-        bx, by = ground.ix // _BLOCK_CELLS, ground.iy // _BLOCK_CELLS
-        x0, y0 = int(bx.min()), int(by.min())
-        is_seen = np.zeros((int(bx.max()) - x0 + 1, int(by.max()) - y0 + 1), np.bool_)
-        is_seen[bx - x0, by - y0] = True
-        low = (np.argwhere(is_seen) + np.array([x0, y0])) * (_BLOCK_CELLS * CELL_M)
-        return self._spots.touching(low, low + _BLOCK_CELLS * CELL_M)
+        low = ground.blocks(_BLOCK_BITS) * (CELL_M * (1 << _BLOCK_BITS))
+        return self._spots.touching(low, low + CELL_M * (1 << _BLOCK_BITS))
 
 
 def _look_up(ground: GroundCells, codes: NDArray[np.int64]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:

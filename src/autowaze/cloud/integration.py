@@ -114,16 +114,17 @@ class MapState:
         self._accepted_count += 1
         added = self._add(_block_of(diff), diff.new)
         removed = self._remove(diff.removed, self._witnesses.of(diff.session), diff.end)
-        lasting = ~np.isin(added.id, removed.id)
-        gone = removed[~np.isin(removed.id, added.id)]
-        tiles = {*self.tiles.insert(_block_of(diff), added[lasting], self.version)}
+        gone = removed
+        if len(added) and ((removed.id >= added.id[0]) & (removed.id <= added.id[-1])).any():
+            added, gone = added[~np.isin(added.id, removed.id)], removed[~np.isin(removed.id, added.id)]
+        tiles = {*self.tiles.insert(_block_of(diff), added, self.version)}
         tiles.update(self.tiles.remove(gone, self.version))
         own = instance_keys(diff.session, diff.instances.id)
         self.instances.add(own, diff)
         touched = np.concatenate([added.instance_key, removed.instance_key, own])
         touched = np.unique(touched[touched != 0])
         self._forget(touched)
-        return MapChange(added[lasting], gone.id, touched, tuple(sorted(tiles)))
+        return MapChange(added, gone.id, touched, tuple(sorted(tiles)))
 
     def tile_update(self, tile: Tile, since: int | None) -> MapUpdate:
         """What a car lacks of one tile that has it as of a version, or has nothing of it.

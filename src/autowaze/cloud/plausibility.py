@@ -146,8 +146,7 @@ def _check_sight(diff: SemanticMapDiff, limits: Limits) -> None:
     z = diff.new.position[:, 2]
     _require(bool(((z >= low) & (z <= high)).all()), "too_far", f"a feature is {limits.most_height_m:.0f} m up or down")
     _within(diff, diff.new.position[:, :2], limits.feature_sight_m, "a new feature")
-    blocks = np.unique(np.stack([diff.ground.ix, diff.ground.iy], axis=1) >> _BLOCK_BITS, axis=0)
-    centres = (blocks + 0.5) * _BLOCK_M
+    centres = np.asarray((diff.ground.blocks(_BLOCK_BITS) + 0.5) * _BLOCK_M, np.float64)
     _within(diff, centres, limits.ground_sight_m + _BLOCK_M * 0.71, "a ground cell")
 
 

@@ -11,6 +11,7 @@ from autowaze.world.columns import Columns
 
 CELL_M = 0.25
 """Edge of a ground cell in metres; part of the wire format."""
+_CODE_OFFSET = 1 << 31
 
 
 @dataclass
@@ -37,3 +38,11 @@ class GroundCells(Columns):
     def centre(self) -> NDArray[np.float64]:
         """Centres (N, 2) in map metres."""
         return np.asarray((np.stack([self.ix, self.iy], axis=1) + 0.5) * CELL_M, dtype=np.float64)
+
+    def blocks(self, bits: int) -> NDArray[np.int64]:
+        """Squares x, y (B, 2) of 2^bits by 2^bits cells that hold cells, each once, sorted by y, then x."""
+        x = (self.ix >> bits).astype(np.int64) + _CODE_OFFSET
+        code = ((self.iy >> bits).astype(np.int64) << 32) | x
+        if len(code):  # cells come sorted, so most lie in the block of the one before
+            code = np.unique(code[np.append(True, code[1:] != code[:-1])])
+        return np.stack([(code & 0xFFFF_FFFF) - _CODE_OFFSET, code >> 32], axis=1)

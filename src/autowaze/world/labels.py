@@ -29,9 +29,14 @@ VEHICLES = (ClassLabel.CAR, ClassLabel.TRUCK, ClassLabel.BUS)
 MOVABLE = (*VEHICLES, ClassLabel.TWO_WHEELER, ClassLabel.PERSON, ClassLabel.CONE, ClassLabel.ANIMAL)
 """Labels of things that may be elsewhere tomorrow."""
 
+_IS_VEHICLE = np.isin(np.arange(256), VEHICLES)
+
 
 def is_vehicle(labels: NDArray[np.integer]) -> NDArray[np.bool_]:
     """Mask of the vehicle labels."""
+    if labels.dtype == np.uint8:  # as maps have them: a table is ten times as fast
+        mask: NDArray[np.bool_] = _IS_VEHICLE[labels]
+        return mask
     return np.isin(labels, VEHICLES)
 
 

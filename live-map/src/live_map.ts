@@ -110,7 +110,12 @@ export class LiveMap {
     new EventStream("/changes", this.token, listener, String(this.live.version));
     this.followFleet();
     await this.timeline.start();
-    setInterval(() => void this.refresh(), REFRESH_MS);
+    setInterval(() => {
+      if (!document.hidden) void this.refresh();
+    }, REFRESH_MS);
+    document.addEventListener("visibilitychange", () => {
+      if (!document.hidden) void this.refresh();
+    });
   }
 
   /** What the service has for everyone; the page was told when it was made. */

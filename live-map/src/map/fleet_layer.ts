@@ -11,6 +11,7 @@ const FRAME_MS = 80;
 const KEPT_MS = 120_000;
 const RING_MS = 1600;
 const MOST_RINGS = 12;
+const MOST_TRAILS = 60;
 
 interface Car {
   track: CarTrack;
@@ -94,7 +95,7 @@ export class FleetLayer {
     );
     this.city.setData(
       "trails",
-      cars.map(({ name, trail }) => ({
+      cars.slice(0, MOST_TRAILS).map(({ name, trail }) => ({
         type: "Feature",
         geometry: { type: "LineString", coordinates: trail.length > 1 ? trail : [...trail, ...trail] },
         properties: { key: name },

@@ -18,6 +18,9 @@ export class Timeline {
   onMode: () => void = () => {};
   onTime: () => void = () => {};
   private extent: Extent | null = null;
+  /** When spots changed, up to the newest change that was asked for. */
+  private readonly times: number[] = [];
+  private newest = 0;
   private timer: ReturnType<typeof setInterval> | undefined;
   private seeking: ReturnType<typeof setTimeout> | undefined;
   private readonly play = element("button", { type: "button", className: "icon-button", id: "play" });
@@ -53,7 +56,9 @@ export class Timeline {
 
   async start(): Promise<void> {
     await this.lookUpExtent();
-    setInterval(() => void this.lookUpExtent(), EXTENT_MS);
+    setInterval(() => {
+      if (!document.hidden) void this.lookUpExtent();
+    }, EXTENT_MS);
   }
 
   private async lookUpExtent(): Promise<void> {
@@ -158,14 +163,12 @@ export class Timeline {
   }
 
   private async drawChart(extent: Extent): Promise<void> {
-    const times: number[] = [];
-    let after = 0;
     try {
-      while (times.length < MOST_FOR_HISTOGRAM) {
-        const page = await this.service.history(extent.start, extent.end, after, 1000);
-        times.push(...page.changes.map((change) => change.receivedAt));
+      while (this.times.length < MOST_FOR_HISTOGRAM) {
+        const page = await this.service.history(extent.start, extent.end, this.newest, 1000);
+        this.times.push(...page.changes.map((change) => change.receivedAt));
+        this.newest = page.changes.at(-1)?.number ?? this.newest;
         if (page.next === null) break;
-        after = page.next;
       }
     } catch {
       return; // decoration: the slider works without
@@ -173,7 +176,7 @@ export class Timeline {
     const pen = this.chart.getContext("2d");
     if (!pen) return;
     const { width, height } = this.chart;
-    const bars = histogram(times, extent.start, extent.end, 120);
+    const bars = histogram(this.times, extent.start, extent.end, 120);
     const most = Math.max(...bars, 1);
     pen.clearRect(0, 0, width, height);
     pen.fillStyle = getComputedStyle(this.place).getPropertyValue("--quiet");

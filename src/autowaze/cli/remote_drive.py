@@ -9,15 +9,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from autowaze.cli.options import console
 from autowaze.traces import Trace
 from autowaze.vehicle.connection import CloudConnection
-from autowaze.vehicle.downlink import Arrivals, LiveDownlink, fetch_map
+from autowaze.vehicle.downlink import Arrivals, LiveDownlink, fetch_map, fetch_map_around
 from autowaze.vehicle.node import StartingPoint
 from autowaze.vehicle.outbox import Outbox
-from autowaze.vehicle.tile_follower import TileFollower, map_frame_at
+from autowaze.vehicle.tile_follower import TileFollower
 from autowaze.vehicle.transports import public_address, service_address, transport_to
 from autowaze.vehicle.uplink import Uplink
 from autowaze.vehicle.vacant_spots import in_words
@@ -60,14 +58,7 @@ def first_map(cloud: RemoteCloud, source: Trace) -> FeatureMap:
     """The service's map to begin with: the tiles around the drive's first fix, all of it where there is none."""
     fix = next(iter(source)).gnss
     with cloud.connect() as connection:
-        if fix is None:
-            feature_map = fetch_map(connection)
-        else:
-            georeference = map_frame_at(connection, fix.lon_deg, fix.lat_deg)
-            here = georeference.to_map(np.array([[fix.lon_deg, fix.lat_deg]]))[0]
-            feature_map = FeatureMap(georeference=georeference)
-            update = TileFollower(connection, georeference).follow(here)
-            feature_map = feature_map if update is None else update.applied_to(feature_map)
+        feature_map = fetch_map(connection) if fix is None else fetch_map_around(connection, fix)
         console.print(f"{connection.url}: map of version {feature_map.version}, {len(feature_map):,} features")
     return feature_map
 

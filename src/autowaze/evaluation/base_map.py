@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from autowaze.cloud.integration import MapState
 from autowaze.evaluation.datum import Start, starting_point
 from autowaze.evaluation.drive import DriveRecord, Progress, run_drive
 from autowaze.traces import Trace
 from autowaze.vehicle.diffing import DiffSettings
-from autowaze.vehicle.node import NodeSettings, VehicleNode
+from autowaze.vehicle.node import NodeSettings, StartingPoint, VehicleNode
 from autowaze.vehicle.semantics.segmenter import Segmenter
 from autowaze.world.feature_map import FeatureMap
+from autowaze.world.georeference import Georeference
 from autowaze.world.parking import ParkingMap
 from autowaze.world.wire import decode_diff
 
@@ -29,11 +32,28 @@ def build_base_map(
     settings: NodeSettings | None = None,
 ) -> tuple[DriveRecord, FeatureMap]:
     """Drive a trace with an empty map and integrate what it found."""
+    begin = starting_point(trace, spots, start)
+    record, georeference = survey(trace, segmenter, begin, _SESSION, progress, settings)
+    return record, integrated(record.messages, georeference)
+
+
+def survey(
+    trace: Trace,
+    segmenter: Segmenter,
+    start: StartingPoint,
+    session: int,
+    progress: Progress | None = None,
+    settings: NodeSettings | None = None,
+) -> tuple[DriveRecord, Georeference | None]:
+    """Drive a trace with an empty map; what it found is in the messages, in the map frame returned with them."""
     settings = settings or NodeSettings(diff=_BASE_MAP)
-    node = VehicleNode(trace.camera, segmenter, settings, start=starting_point(trace, spots, start), session=_SESSION)
-    messages: list[bytes] = []
-    record = run_drive(trace, node, messages.append, progress)
-    state = MapState(None, node.georeference)
+    node = VehicleNode(trace.camera, segmenter, settings, start=start, session=session)
+    return run_drive(trace, node, lambda message: None, progress), node.georeference
+
+
+def integrated(messages: Iterable[bytes], georeference: Georeference | None) -> FeatureMap:
+    """The map that the diffs of one survey make, or of several in one map frame."""
+    state = MapState(None, georeference)
     for message in messages:
         state.integrate(decode_diff(message))
-    return record, FeatureMap(state.features, node.georeference, state.version)
+    return FeatureMap(state.features, georeference, state.version)

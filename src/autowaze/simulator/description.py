@@ -54,6 +54,9 @@ class Parking(_Part):
         "truck",
     )
     vacant: tuple[str, ...] = Field(default=(), description="spots kept free whatever the occupancy")
+    drive: int | None = Field(
+        default=None, ge=0, description="the cars of this drive are parked; unless given, of the drive itself"
+    )
 
 
 class Traffic(_Part):

@@ -62,7 +62,8 @@ def record(
     """
     folder = Path(folder)
     _claim(folder, description)
-    trace = SimulatedTrace(description)
+    # a core per process: the rasteriser's own threads would only get in the way
+    trace = SimulatedTrace(description, threads=0)
     missing = [i for i in range(len(trace)) if not _view_path(folder, i).is_file()]
     done = len(trace) - len(missing)
     progress(done, len(trace))
@@ -70,6 +71,7 @@ def record(
     for finished in _render_all(trace, folder, missing, workers, depth):
         done += finished
         progress(done, len(trace))
+    trace.close()
     _write_summary(trace, folder)
     return len(trace)
 
@@ -109,7 +111,6 @@ _worker_trace: SimulatedTrace | None = None
 
 def _open_worker(description: StreetDescription) -> None:
     global _worker_trace  # noqa: PLW0603 - a process of the pool keeps its renderer between chunks
-    # one process per core: the rasteriser's own threads would only get in the way
     _worker_trace = SimulatedTrace(description, threads=0)
 
 

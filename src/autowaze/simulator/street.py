@@ -62,7 +62,8 @@ def build_street(description: StreetDescription) -> Street:
         list(setting.ground),
         list(setting.things),
     )
-    rng = np.random.default_rng([description.seed, description.drive, 4])
+    whose = description.drive if description.parking.drive is None else description.parking.drive
+    rng = np.random.default_rng([description.seed, whose, 4])
     parked = park_cars(scene, setting.plan.bays, description.parking, description.seed, rng, FIRST_PARKED_ID)
     return Street(description, setting.plan, light, scene, tuple(parked), setting.buildings)
 

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.vehicle.connection import CloudConnection
-from autowaze.vehicle.tile_follower import TileFollower, expect_ok
+from autowaze.vehicle.tile_follower import TileFollower, expect_ok, map_frame_at
 from autowaze.vehicle.vacant_spots import VacantSpot, nearest_vacant
 from autowaze.world.errors import AutowazeError
 from autowaze.world.feature_map import FeatureMap
+from autowaze.world.frame import GnssFix
 from autowaze.world.georeference import Georeference
 from autowaze.world.map_update import MapUpdate
 from autowaze.world.wire import MAX_MAP_BYTES, decode_map, decode_map_update
@@ -174,6 +175,15 @@ def fetch_map(connection: CloudConnection) -> FeatureMap:
     reply = connection.get("/map", MAX_MAP_BYTES)
     expect_ok(reply, f"{connection.url}/map")
     return decode_map(reply.body)
+
+
+def fetch_map_around(connection: CloudConnection, fix: GnssFix) -> FeatureMap:
+    """The tiles of the service's map around a place; raises as `TileFollower.follow` does."""
+    georeference = map_frame_at(connection, fix.lon_deg, fix.lat_deg)
+    here = georeference.to_map(np.array([[fix.lon_deg, fix.lat_deg]]))[0]
+    empty = FeatureMap(georeference=georeference)
+    update = TileFollower(connection, georeference).follow(here)
+    return empty if update is None else update.applied_to(empty)
 
 
 def brought_up_to_date(feature_map: FeatureMap, connection: CloudConnection) -> FeatureMap:

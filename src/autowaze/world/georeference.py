@@ -10,6 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.world.errors import AutowazeError
+from autowaze.world.pose import Pose, make_pose
+
+_AXES_M = 1000.0
+"""Length of the axes that are carried from one frame to another; longer ones round less."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,12 @@ class Georeference:
         heights = np.full(len(lon_lat), self.altitude_m if altitude_m is None else altitude_m)
         east, north, up = self._to_local.transform(lon_lat[:, 0], lon_lat[:, 1], heights)
         return np.stack([east, north, up], axis=1)
+
+    def pose_of(self, other: Georeference) -> Pose:
+        """T_self_other: takes coordinates of another map frame to this one's."""
+        lon, lat, height = other._to_local.transform(*(_AXES_M * np.eye(3, 4)), direction="INVERSE")
+        points = np.stack(self._to_local.transform(lon, lat, height))
+        return make_pose((points[:, :3] - points[:, 3:]) / _AXES_M, points[:, 3])
 
     def to_lon_lat(self, points_map: NDArray[np.floating]) -> NDArray[np.float64]:
         """Lon, lat (N, 2) in degrees of points (N, 2) or (N, 3) in map metres."""

@@ -79,6 +79,7 @@ export class CityMap {
   showSpots(book: SpotBook): void {
     const spots = [...book.all()];
     this.setData("spots", spots.map((spot) => this.spotFeature(spot)));
+    this.setData("dots", spots.map(dotFeature));
     this.setData("parked", spots.filter((spot) => spot.state === "occupied").map(parkedFeature));
     this.stamp(book);
   }
@@ -86,6 +87,7 @@ export class CityMap {
   /** Only these spots of the book changed. */
   updateSpots(book: SpotBook, changed: readonly Spot[]): void {
     this.source("spots").updateData({ add: changed.map((spot) => this.spotFeature(spot)) });
+    this.source("dots").updateData({ add: changed.map(dotFeature) });
     this.source("parked").updateData({
       remove: changed.filter((spot) => spot.state !== "occupied").map((spot) => spot.id),
       add: changed.filter((spot) => spot.state === "occupied").map(parkedFeature),
@@ -237,7 +239,7 @@ export class CityMap {
       [x - CLICK_SLACK_PX, y - CLICK_SLACK_PX],
       [x + CLICK_SLACK_PX, y + CLICK_SLACK_PX],
     ];
-    const options = { layers: ["spots", "parked"] };
+    const options = { layers: ["spots", "parked", "spot-dots"] };
     const hits = [...this.map.queryRenderedFeatures([x, y], options), ...this.map.queryRenderedFeatures(box, options)];
     const id: unknown = hits[0]?.properties["key"];
     return typeof id === "string" ? id : null;
@@ -276,6 +278,15 @@ function drawsInSoftware(): boolean {
   const renderer: unknown = gl && details ? gl.getParameter(details.UNMASKED_RENDERER_WEBGL) : "";
   gl?.getExtension("WEBGL_lose_context")?.loseContext();
   return /swiftshader|llvmpipe|software/i.test(String(renderer));
+}
+
+function dotFeature(spot: Spot): Feature {
+  return {
+    type: "Feature",
+    id: spot.id,
+    geometry: { type: "Point", coordinates: spot.centre },
+    properties: { key: spot.id, state: spot.state },
+  };
 }
 
 function parkedFeature(spot: Spot): Feature {

@@ -5,7 +5,7 @@ import type { ExpressionSpecification, LayerSpecification, StyleSpecification } 
 import { STATES } from "../spots/spot";
 import type { Palette } from "./palette";
 
-export const SOURCES = ["streets", "spots", "parked", "route", "trails", "cars", "draft"] as const;
+export const SOURCES = ["streets", "spots", "dots", "parked", "route", "trails", "cars", "draft"] as const;
 export type SourceName = (typeof SOURCES)[number];
 
 const EARTH_CIRCUMFERENCE_M = 40_075_016.686;
@@ -92,10 +92,27 @@ export function mapLayers(palette: Palette, latitude: number): LayerSpecificatio
       paint: { "fill-pattern": "dotted", "fill-opacity": 0.8 },
     },
     {
+      id: "spot-dots", // from afar a spot is smaller than a pixel: solid where free, a ring where taken
+      type: "circle",
+      source: "dots",
+      maxzoom: 16.5,
+      layout: { "circle-sort-key": ["match", ["get", "state"], "vacant", 2, "occupied", 1, 0] },
+      paint: {
+        "circle-color": ["match", ["get", "state"], "vacant", palette.spot.vacant.fill, palette.ground],
+        "circle-stroke-color": byState("line"),
+        "circle-stroke-width": ["match", ["get", "state"], "unknown", 0.5, 1],
+        "circle-radius": [
+          "interpolate", ["linear"], ["zoom"],
+          12, ["match", ["get", "state"], "vacant", 1.6, "occupied", 1, 0.5],
+          16, ["match", ["get", "state"], "vacant", 4, "occupied", 3, 2],
+        ],
+      },
+    },
+    {
       id: "spot-outlines",
       type: "line",
       source: "spots",
-      minzoom: 15,
+      minzoom: 16,
       paint: {
         "line-color": byState("line"),
         "line-width": ["interpolate", ["linear"], ["zoom"], 15, 0.5, 18, 1.5, 20, 2.5],

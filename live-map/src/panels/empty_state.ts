@@ -14,7 +14,7 @@ export function showEmptyState(place: HTMLElement, book: SpotBook): void {
   const [title, text, command] = spots
     ? [
         "No car has looked yet",
-        `${book.size} spots are known, none has been seen. They turn free or taken as cars hand in what they saw:`,
+        `${book.size.toLocaleString()} spots are known, none has been seen. They turn free or taken as cars hand in what they saw:`,
         `autowaze drive TRACE --cloud ${location.origin}`,
       ]
     : [

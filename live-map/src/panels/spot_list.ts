@@ -71,7 +71,7 @@ export class SpotList {
     const total = this.book().size;
     this.count.textContent =
       spots.length > MOST_SHOWN
-        ? `The first ${MOST_SHOWN} of ${spots.length}: zoom in or search by name.`
+        ? `The first ${MOST_SHOWN} of ${spots.length.toLocaleString()}: zoom in or search by name.`
         : `${spots.length} of ${total} ${total === 1 ? "spot" : "spots"}${this.search.value ? "" : " in view"}`;
   }
 
@@ -83,7 +83,8 @@ export class SpotList {
 
   private row(spot: Spot, before: HTMLElement | undefined): HTMLElement {
     const age = spot.observedAt === null ? "never seen" : ageText(Math.max(this.now() - spot.observedAt, 0));
-    const words = `${STATE_NAME[spot.state]}, ${chanceText(spot).toLowerCase()}`;
+    const chance = spot.observedAt === null ? "" : `, ${chanceText(spot).toLowerCase()}`;
+    const words = STATE_NAME[spot.state] + chance;
     const row = before ?? this.newRow(spot.id);
     const [swatch, , state, when] = row.querySelectorAll<HTMLElement>("span");
     row.dataset["state"] = spot.state;

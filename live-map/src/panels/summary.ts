@@ -11,7 +11,7 @@ export function showSummary(list: HTMLElement, counts: Summary): void {
         "li",
         { data: { state } },
         element("span", { className: "swatch", ariaHidden: "true", data: { state } }),
-        element("strong", { textContent: String(counts[state]) }),
+        element("strong", { textContent: counts[state].toLocaleString() }),
         element("span", { className: "word", textContent: ` ${STATE_NAME[state].toLowerCase()}` }),
       ),
     ),

@@ -16,7 +16,7 @@ from autowaze.vehicle.vision.compiled import compiled
 from autowaze.world.camera import StereoCamera
 from autowaze.world.pose import inverse
 
-_FIRST_ITERATIONS, _FINAL_ITERATIONS = 5, 10  # ORB-SLAM2: Huber, drop outliers, again without
+_FIRST_ITERATIONS, _FINAL_ITERATIONS = 3, 3  # Huber, drop outliers, again without; ORB-SLAM2 takes 5 and 10
 _RELATIVE_GAIN = 1e-4  # a smaller one ends the iterations
 
 

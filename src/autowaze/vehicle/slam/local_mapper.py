@@ -27,6 +27,7 @@ class _Pending:
     due: int
     last_id: int
     keyframes: list[Keyframe]
+    seen_once: list[NDArray[np.int64]]
     point_id: NDArray[np.int64]
     observation_feature: NDArray[np.int64]
     problem: BundleProblem
@@ -67,7 +68,8 @@ class LocalMapper:
         solution = pending.solution.result()
         newest = pending.keyframes[-1]
         moved: Pose = solution.T_map_cam[-1] @ inverse(newest.T_map_cam)
-        for keyframe, T in zip(pending.keyframes, solution.T_map_cam, strict=True):
+        for keyframe, T, once in zip(pending.keyframes, solution.T_map_cam, pending.seen_once, strict=True):
+            self._carry(once, T @ inverse(keyframe.T_map_cam))
             keyframe.T_map_cam = T
         rows = self.landmarks.rows(pending.point_id)
         alive = (rows >= 0) & pending.problem.point_free
@@ -96,12 +98,7 @@ class LocalMapper:
         self.keyframes.clear()
 
     def _rows_seen_by(self, keyframes: list[Keyframe]) -> NDArray[np.int64]:
-        if not keyframes:
-            return np.zeros(0, np.int64)
-        rows = self.landmarks.rows(np.concatenate([k.observed_ids for k in keyframes]))
-        seen = np.zeros(len(self.landmarks), np.bool_)
-        seen[rows[rows >= 0]] = True
-        return np.flatnonzero(seen)
+        return np.flatnonzero(self._seen_by(keyframes))
 
     def refresh_local(self, T_map_cam: Pose) -> None:
         """Choose the landmarks to look for: those of the latest keyframes and those of the stored map nearby."""
@@ -111,6 +108,12 @@ class LocalMapper:
         near = np.einsum("ij,ij->i", offset, offset) < self.settings.local_radius_m**2
         stored = np.flatnonzero(self.landmarks.is_stored & near)
         self.local_rows = np.union1d(rows, stored)
+
+    def _carry(self, landmark_id: NDArray[np.int64], motion: Pose) -> None:
+        """Move landmarks along with the keyframe that saw them."""
+        rows = self.landmarks.rows(landmark_id)
+        rows = rows[rows >= 0]
+        self.landmarks.position[rows] = self.landmarks.position[rows] @ motion[:3, :3].T + motion[:3, 3]
 
     def _move_later(self, pending: _Pending, motion: Pose) -> None:
         """Keyframes and landmarks made since an adjustment began move as its newest keyframe does."""
@@ -169,28 +172,45 @@ class LocalMapper:
 
     def _start_adjustment(self, due: int) -> None:
         free = self.keyframes[-self.settings.n_adjusted :]
-        older = self.keyframes[: -self.settings.n_adjusted]
-        points = self.landmarks.id[self._rows_seen_by(free)]
-        fixed = [k for k in older[-self.settings.n_fixed :] if np.isin(k.landmark_id, points).sum() >= _MIN_SHARED]
+        older = self.keyframes[: -self.settings.n_adjusted][-self.settings.n_fixed :]
+        seen = self._seen_by(free) > 0
+        fixed = [k for k in older if np.count_nonzero(seen[self._rows_of(k)]) >= _MIN_SHARED]
         keyframes = fixed + free
+        # What one keyframe alone sees, three measurements for three unknowns, tells nothing of the pose.
+        tells = seen & ((self._seen_by(keyframes) > 1) | self.landmarks.is_stored)
+        alone = seen & ~tells
+        seen_once = [self.landmarks.id[rows[alone[rows]]] for rows in map(self._rows_of, keyframes)]
         pose_free = np.arange(len(keyframes)) >= max(len(fixed), 1)
-        problem, feature = self._problem(keyframes, pose_free, points)
+        problem, feature = self._problem(keyframes, pose_free, tells)
         solution = self._worker.submit(adjust, problem, self.camera)
-        self._pending = _Pending(due, int(self.landmarks.id[-1]), keyframes, points, feature, problem, solution)
+        ids, last_id = self.landmarks.id[tells], int(self.landmarks.id[-1])
+        self._pending = _Pending(due, last_id, keyframes, seen_once, ids, feature, problem, solution)
+
+    def _rows_of(self, keyframe: Keyframe) -> NDArray[np.int64]:
+        """Rows of the landmarks that it sees."""
+        rows = self.landmarks.rows(keyframe.landmark_id)
+        return rows[rows >= 0]
+
+    def _seen_by(self, keyframes: list[Keyframe]) -> NDArray[np.int64]:
+        """How many of the keyframes see each landmark (rows of the store,)."""
+        rows = [self._rows_of(k) for k in keyframes] or [np.zeros(0, np.int64)]
+        return np.bincount(np.concatenate(rows), minlength=len(self.landmarks))
 
     def _problem(
-        self, keyframes: list[Keyframe], pose_free: NDArray[np.bool_], points: NDArray[np.int64]
+        self, keyframes: list[Keyframe], pose_free: NDArray[np.bool_], adjusted: NDArray[np.bool_]
     ) -> tuple[BundleProblem, NDArray[np.int64]]:
-        """The adjustment of these keyframes and landmarks (by id), and the feature of each observation."""
+        """The adjustment of these keyframes and landmarks (mask of rows), and the feature of each observation."""
+        point_of_row = np.where(adjusted, np.cumsum(adjusted) - 1, -1)
+        point_of_row = np.append(point_of_row, -1)  # of row -1
         keyframe_row, point_row, feature = [], [], []
         for k, keyframe in enumerate(keyframes):
-            at = np.minimum(np.searchsorted(points, keyframe.landmark_id), len(points) - 1)
-            seen = np.flatnonzero(points[at] == keyframe.landmark_id)
+            point = point_of_row[self.landmarks.rows(keyframe.landmark_id)]
+            seen = np.flatnonzero(point >= 0)
             keyframe_row.append(np.full(len(seen), k))
-            point_row.append(at[seen])
+            point_row.append(point[seen])
             feature.append(seen)
         point = np.concatenate(point_row)
-        rows = self.landmarks.rows(points)
+        rows = np.flatnonzero(adjusted)
         label_weight = np.where(is_movable(self.landmarks.label[rows]), self.settings.movable_weight, 1.0)
         problem = BundleProblem(
             T_map_cam=np.stack([k.T_map_cam for k in keyframes]),

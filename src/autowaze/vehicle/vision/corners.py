@@ -7,12 +7,15 @@ edge fails along its direction, as it does in FAST; the least of those differenc
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.vehicle.vision.compiled import compiled
 from autowaze.vehicle.vision.pyramid import Pyramid
+from autowaze.world.columns import Columns
 from autowaze.world.frame import Image
 
 BORDER_PX = 19  # half the descriptor's patch and what its rotation and blur need
@@ -22,27 +25,42 @@ _MAX_RANK = 64  # corners of one cell that compete
 _NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 
+@dataclass
+class Corners(Columns):
+    """Corners of one image, N rows.
+
+    Attributes:
+        xy: (N, 2) int64, pixels of their level.
+        octave: (N,) uint8, the level.
+        peak: (N, 2) float32, where between the pixels the response is highest, pixels of their level.
+    """
+
+    xy: NDArray[np.int64]
+    octave: NDArray[np.uint8]
+    peak: NDArray[np.float32]
+
+
 class CornerFinder:
-    """Finds the corners of each level and keeps those that cover the image best.
+    """Finds the corners of some levels and keeps those that cover the image best.
 
     All intermediate images live in memory taken once: fresh memory for each would cost more than the arithmetic.
     """
 
-    def __init__(self, pyramid: Pyramid, quota: NDArray[np.int64], threshold: int) -> None:
+    def __init__(self, pyramid: Pyramid, levels: list[int], quota: NDArray[np.int64], threshold: int) -> None:
         self._pyramid = pyramid
+        self._levels = levels
         self._quota = quota
         self._threshold = threshold
-        self._response = [np.zeros_like(level) for level in pyramid.levels]
-        self._bytes = np.zeros((4, pyramid.levels[0].size), np.uint8)
-        self._words = np.zeros((2, pyramid.levels[0].size), np.uint16)
+        largest = max(pyramid.levels[level].size for level in levels)
+        self._response = {level: np.zeros_like(pyramid.levels[level]) for level in levels}
+        self._bytes = np.zeros((4, largest), np.uint8)
+        self._words = np.zeros((2, largest), np.uint16)
 
-    def find(self) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
-        """Level pixels x, y (N, 2) and levels (N,) of the corners, level by level."""
-        found = [self._find_in_level(level) for level in range(len(self._quota))]
-        octave = np.repeat(np.arange(len(found), dtype=np.uint8), [len(xy) for xy in found])
-        return np.concatenate(found), octave
+    def find(self) -> Corners:
+        """Corners of the levels, level by level."""
+        return Corners.concatenate([self._find_in_level(level) for level in self._levels])
 
-    def _find_in_level(self, level: int) -> NDArray[np.int64]:
+    def _find_in_level(self, level: int) -> Corners:
         image, response = self._pyramid.levels[level], self._response[level]
         segment_response(image, response, self._bytes)
         peaks, strong = (flat[: image.size].reshape(image.shape) for flat in self._bytes[:2])
@@ -53,7 +71,8 @@ class CornerFinder:
         cv2.threshold(response, self._threshold, 255, cv2.THRESH_BINARY, dst=strong)
         cv2.bitwise_and(peaks, strong, dst=peaks)
         cell_px = max(np.sqrt(image.size / max(self._quota[level], 1)), 1.0)
-        return np.asarray(_spread_corners(_places(peaks.reshape(-1)), strength, cell_px, self._quota[level]))
+        xy = _spread_corners(_places(peaks.reshape(-1)), strength, cell_px, self._quota[level])
+        return Corners(xy, np.full(len(xy), level, np.uint8), _peaks(xy, strength))
 
 
 def segment_response(image: Image, out: Image, scratch: NDArray[np.uint8]) -> None:
@@ -150,3 +169,17 @@ def _spread_corners(places, strength, cell_px, quota):  # type: ignore[no-untype
         chosen[k, 0], chosen[k, 1] = place % width, place // width
         k += 1
     return chosen[:k]
+
+
+@compiled
+def _peaks(xy, strength):  # type: ignore[no-untyped-def]
+    """Highest points (n, 2) float32 of the parabolas through the strength at each maximum and its neighbours."""
+    peak = np.empty(xy.shape, np.float32)
+    for i in range(xy.shape[0]):
+        x, y = xy[i, 0], xy[i, 1]
+        here = np.float64(strength[y, x])
+        left, right = np.float64(strength[y, x - 1]), np.float64(strength[y, x + 1])
+        above, below = np.float64(strength[y - 1, x]), np.float64(strength[y + 1, x])
+        peak[i, 0] = x + 0.5 * (right - left) / max(2.0 * here - left - right, 1.0)
+        peak[i, 1] = y + 0.5 * (below - above) / max(2.0 * here - above - below, 1.0)
+    return peak

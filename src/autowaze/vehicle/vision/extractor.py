@@ -6,8 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from autowaze.vehicle.vision.corners import Corners
 from autowaze.vehicle.vision.orb import OrbDetector
-from autowaze.vehicle.vision.pyramid import PyramidLayout
+from autowaze.vehicle.vision.pyramid import Pyramid, PyramidLayout
 from autowaze.vehicle.vision.settings import VisionSettings
 from autowaze.vehicle.vision.stereo import match_stereo
 from autowaze.world.camera import StereoCamera
@@ -16,7 +17,7 @@ from autowaze.world.frame import StereoFrame
 
 
 class FeatureExtractor:
-    """ORB features of both images, in two threads, and the depth of the left ones."""
+    """ORB features of the left image, their depth from the right one; two threads share the work."""
 
     def __init__(self, camera: StereoCamera, settings: VisionSettings = VisionSettings()) -> None:  # noqa: B008
         self.camera = camera
@@ -24,33 +25,30 @@ class FeatureExtractor:
         s = settings
         layout = PyramidLayout.of(camera.width, camera.height, s.n_levels, s.scale_factor)
         self._left = OrbDetector(s.n_features, layout, s.fast_threshold)
-        self._right = OrbDetector(s.n_features_right, layout, s.fast_threshold)
-        self._right_thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="right-image")
+        self._right = Pyramid(layout)
+        self._helper = ThreadPoolExecutor(max_workers=1, thread_name_prefix="features")
 
     def extract(self, frame: StereoFrame) -> CameraFeatures:
         """Features of the left image, with depth and position where the right image shows them too."""
-        right_pending = self._right_thread.submit(self._right.detect, frame.right_grey)
-        left = self._left.detect(frame.left_grey)
-        right = right_pending.result()
-        u_right = match_stereo(
-            left,
-            right,
-            self._left.pyramid,
-            self._right.pyramid,
-            min_disparity_px=self.settings.min_disparity_px,
-            max_disparity_px=self.camera.bf / self.settings.min_depth_m,
-            max_hamming=self.settings.max_hamming,
-            helper=self._right_thread,
-        )
-        depth = (self.camera.bf / (left.uv[:, 0] - u_right)).astype(np.float32)
+        right_ready = self._helper.submit(self._right.fill, frame.right_grey)
+        corners = self._left.detect(frame.left_grey, self._helper)
+        right_ready.result()
+        second = self._helper.submit(self._features_of, corners[1::2])
+        return CameraFeatures.concatenate([self._features_of(corners[::2]), second.result()])
+
+    def _features_of(self, corners: Corners) -> CameraFeatures:
+        keypoints = self._left.describe(corners)
+        limits = self.settings.min_disparity_px, self.camera.bf / self.settings.min_depth_m
+        disparity = match_stereo(corners, self._left.pyramid, self._right, *limits)
+        depth = (self.camera.bf / disparity).astype(np.float32)
         return CameraFeatures(
-            uv=left.uv,
-            octave=left.octave,
-            angle=left.angle,
-            descriptor=left.descriptor,
-            u_right=u_right,
+            uv=keypoints.uv,
+            octave=keypoints.octave,
+            angle=keypoints.angle,
+            descriptor=keypoints.descriptor,
+            u_right=keypoints.uv[:, 0] - disparity,
             depth=depth,
-            position_cam=self.camera.back_project(left.uv, depth).astype(np.float32),
-            label=np.zeros(len(left), np.uint8),
-            instance_id=np.zeros(len(left), np.int32),
+            position_cam=self.camera.back_project(keypoints.uv, depth).astype(np.float32),
+            label=np.zeros(len(keypoints), np.uint8),
+            instance_id=np.zeros(len(keypoints), np.int32),
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import cv2
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.vehicle.vision.compiled import compiled
-from autowaze.vehicle.vision.corners import CornerFinder
+from autowaze.vehicle.vision.corners import CornerFinder, Corners
 from autowaze.vehicle.vision.pyramid import Pyramid, PyramidLayout
 from autowaze.world.columns import Columns
 from autowaze.world.features import DESCRIPTOR_BYTES
@@ -43,20 +44,42 @@ class OrbDetector:
     def __init__(self, n_features: int, layout: PyramidLayout, fast_threshold: int) -> None:
         self.pyramid = Pyramid(layout)
         self._blurred = Pyramid(layout)
-        self._corners = CornerFinder(self.pyramid, level_quota(n_features, layout), fast_threshold)
+        quota = level_quota(n_features, layout)
+        self._shares = fair_shares(layout)
+        self._finders = [CornerFinder(self.pyramid, share, quota, fast_threshold) for share in self._shares]
         self._taps = _taps(layout)
 
-    def detect(self, image: Image) -> Keypoints:
-        """Features of a grey image of the layout's size."""
+    def detect(self, image: Image, helper: Executor) -> Corners:
+        """Corners of a grey image of the layout's size; the helper takes half of the work."""
         self.pyramid.fill(image)
-        for level, blurred in zip(self.pyramid.levels, self._blurred.levels, strict=True):
-            cv2.GaussianBlur(level, *_BLUR, dst=blurred)
-        xy, octave = self._corners.find()
+        others = helper.submit(self._detect, 1)
+        return Corners.concatenate([self._detect(0), others.result()])
+
+    def _detect(self, share: int) -> Corners:
+        for level in self._shares[share]:
+            cv2.GaussianBlur(self.pyramid.levels[level], *_BLUR, dst=self._blurred.levels[level])
+        return self._finders[share].find()
+
+    def describe(self, corners: Corners) -> Keypoints:
+        """Orientation and descriptor of corners that `detect` found in the last image."""
         layout = self.pyramid.layout
         angle, descriptor = _describe(
-            self.pyramid.block, self._blurred.block, layout.width, layout.offset, xy, octave, _CIRCLE, self._taps
-        )
-        return Keypoints(layout.to_image(xy, octave).astype(np.float32), octave, angle, descriptor)
+            self.pyramid.block, self._blurred.block, layout.width, layout.offset, corners.xy, corners.octave,
+            _CIRCLE, self._taps,
+        )  # fmt: skip
+        uv = layout.to_image(corners.peak, corners.octave).astype(np.float32)
+        return Keypoints(uv, corners.octave, angle, descriptor)
+
+
+def fair_shares(layout: PyramidLayout) -> list[list[int]]:
+    """The levels in two lists of about as many pixels."""
+    shares: list[list[int]] = [[], []]
+    pixels = [0, 0]
+    for level, size in enumerate(layout.width * layout.height):
+        less = int(pixels[1] < pixels[0])
+        shares[less].append(level)
+        pixels[less] += int(size)
+    return shares
 
 
 def level_quota(n_features: int, layout: PyramidLayout) -> NDArray[np.int64]:

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from autowaze.world.frame import Image
 
+BLOCK_MARGIN = 64  # bytes after the last level: loops over whole vector registers may read that far
+
 
 @dataclass(frozen=True, slots=True)
 class PyramidLayout:
@@ -56,7 +58,7 @@ class Pyramid:
 
     def __init__(self, layout: PyramidLayout) -> None:
         self.layout = layout
-        self.block: NDArray[np.uint8] = np.zeros(layout.size, np.uint8)
+        self.block: NDArray[np.uint8] = np.zeros(layout.size + BLOCK_MARGIN, np.uint8)
         self.levels = [
             self.block[o : o + w * h].reshape(h, w)
             for o, w, h in zip(layout.offset, layout.width, layout.height, strict=True)

@@ -11,20 +11,15 @@ class VisionSettings:
 
     Attributes:
         n_features: left features kept.
-        n_features_right: right features that the left ones are matched against; with twice as many or more, one
-            fifth more of the left ones find their partner.
         n_levels: pyramid levels, each smaller than the last by `scale_factor` (ORB-SLAM2: 8 and 1.2).
         fast_threshold: corners need this grey-level step; a low one and the spreading keep dark vehicles in shadow.
-        max_hamming: most differing bits of a stereo match (ORB-SLAM2: 75).
         min_depth_m: nothing is nearer to a road vehicle's camera.
         min_disparity_px: below it depth is noise; points so far away serve as directions only.
     """
 
     n_features: int = 2000
-    n_features_right: int = 4500
     n_levels: int = 8
     scale_factor: float = 1.2
     fast_threshold: int = 7
-    max_hamming: int = 75
     min_depth_m: float = 2.0
     min_disparity_px: float = 1.0

@@ -10,9 +10,10 @@ from rich.progress import DownloadColumn, Progress, TransferSpeedColumn
 from rich.table import Table
 
 from autowaze.cli.options import console
-from autowaze.vehicle.semantics.model_store import ModelStore
+from autowaze.vehicle.semantics.model_config import ModelConfig
+from autowaze.vehicle.semantics.model_store import BUNDLED, ModelStore, bundled_model
 
-app = typer.Typer(help="Segmentation models that others publish.", no_args_is_help=True)
+app = typer.Typer(help="The bundled segmentation model, and those that others publish.", no_args_is_help=True)
 
 
 @app.command("list")
@@ -24,6 +25,9 @@ def list_models() -> None:
         autowaze models list
     """
     table = Table("name", "what", "licence", "MB", "sha256", "on this machine")
+    bundled = bundled_model()
+    size, licence = bundled.stat().st_size, ModelConfig.beside(bundled).licence
+    table.add_row(BUNDLED, "What every command uses where no model is named", licence, f"{size / 1e6:.0f}", "", "yes")
     for stored in ModelStore().models():
         m = stored.model
         where = str(stored.path) if stored.path else "no"

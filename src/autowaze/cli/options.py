@@ -12,6 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from autowaze.traces import Trace, open_trace
+from autowaze.vehicle.semantics.model_store import BUNDLED
 from autowaze.vehicle.semantics.no_segmentation import NoSegmentation
 from autowaze.vehicle.semantics.segmenter import Segmenter, load_segmenter
 from autowaze.world.errors import AutowazeError
@@ -26,7 +27,8 @@ Frames = Annotated[str, typer.Option(help="Frame numbers to use, FIRST:END or FI
 Model = Annotated[
     Path | None,
     typer.Option(
-        help="Segmentation model: an .onnx or OpenVINO .xml file, a name of `autowaze models list`, or none.",
+        help="Segmentation model: an .onnx or OpenVINO .xml file, a name of `autowaze models list`, or none; without "
+        "this option the bundled one.",
         envvar="AUTOWAZE_MODEL",
     ),
 ]
@@ -60,13 +62,8 @@ def parking_map(path: Path | None) -> ParkingMap | None:
 
 
 def segmenter(model: Path | None) -> Segmenter:
-    """The segmentation model that the option names."""
-    if model is None:
-        raise AutowazeError(
-            "no segmentation model: give one with --model FILE.onnx or set AUTOWAZE_MODEL; "
-            "--model none goes by free ground and obstacles alone"
-        )
-    return NoSegmentation() if str(model) == NoSegmentation.name else load_segmenter(model)
+    """The segmentation model that the option names, the bundled one where it names none."""
+    return NoSegmentation() if str(model) == NoSegmentation.name else load_segmenter(model or BUNDLED)
 
 
 def show_progress(frames: Iterable[StereoFrame], total: int) -> Iterable[StereoFrame]:

@@ -9,7 +9,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from autowaze.world.errors import ModelError
 
-Layout = Literal["yolo-seg", "torchvision-mask-rcnn", "detectron2-mask-rcnn", "onnx-zoo-mask-rcnn", "rf-detr-seg"]
+Layout = Literal[
+    "box-votes", "yolo-seg", "torchvision-mask-rcnn", "detectron2-mask-rcnn", "onnx-zoo-mask-rcnn", "rf-detr-seg"
+]
 
 
 class ModelConfig(BaseModel):

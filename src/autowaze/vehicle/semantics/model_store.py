@@ -20,6 +20,9 @@ from autowaze.world.errors import ModelError
 _CHUNK = 1 << 18
 _TIMEOUT_S = 30.0
 
+BUNDLED = "bundled"
+"""Name of the model that comes with the package."""
+
 Progress = Callable[[int, int], None]
 """Called with the bytes that are here and the bytes there will be."""
 
@@ -51,6 +54,11 @@ def published_models() -> tuple[PublishedModel, ...]:
     """The models that Autowaze knows where to get."""
     text = (files("autowaze.vehicle.semantics") / "published_models.json").read_bytes()
     return tuple(TypeAdapter(list[PublishedModel]).validate_json(text))
+
+
+def bundled_model() -> Path:
+    """The model that comes with the package (docs/model-card.md)."""
+    return Path(str(files("autowaze.vehicle.semantics") / "bundled" / "street-votes.onnx"))
 
 
 def default_folder() -> Path:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Protocol
 
+from autowaze.vehicle.semantics.box_votes import BoxVotes
 from autowaze.vehicle.semantics.mask_rcnn import Detectron2MaskRcnn, OnnxZooMaskRcnn, TorchvisionMaskRcnn
 from autowaze.vehicle.semantics.model_config import ModelConfig
-from autowaze.vehicle.semantics.model_store import ModelStore
+from autowaze.vehicle.semantics.model_store import BUNDLED, ModelStore, bundled_model
 from autowaze.vehicle.semantics.network import Network, open_network
 from autowaze.vehicle.semantics.rf_detr_seg import RfDetrSeg
 from autowaze.vehicle.semantics.yolo_seg import YoloSeg
@@ -27,7 +28,8 @@ class Segmenter(Protocol):
         """Confident instances of one image, boxes and masks at its full size, most confident first."""
 
 
-_LAYOUTS: dict[str, type[YoloSeg] | type[RfDetrSeg] | type[TorchvisionMaskRcnn]] = {
+_LAYOUTS: dict[str, type[BoxVotes] | type[YoloSeg] | type[RfDetrSeg] | type[TorchvisionMaskRcnn]] = {
+    "box-votes": BoxVotes,
     "yolo-seg": YoloSeg,
     "rf-detr-seg": RfDetrSeg,
     "detectron2-mask-rcnn": Detectron2MaskRcnn,
@@ -42,7 +44,8 @@ def load_segmenter(
     """Open a model by file path, or by the name it has in the model store.
 
     Args:
-        model: path of an .onnx or OpenVINO .xml file, or a name known to `model_store`.
+        model: path of an .onnx or OpenVINO .xml file, or a name known to `model_store`; `bundled` is the one that
+            comes with the package.
         min_confidence: detections below it are dropped; None for the model's own default.
         long_side: pixels of the longer side of the input of an export of free size; None for the model's default.
         threads: cores that the network may use.
@@ -53,7 +56,7 @@ def load_segmenter(
     """
     path = Path(model)
     if path.name == str(model) and not path.suffix and not path.exists():
-        path = ModelStore().path(path.name)
+        path = bundled_model() if path.name == BUNDLED else ModelStore().path(path.name)
     network = open_network(path, threads)
     stated = {"min_confidence": min_confidence, "long_side": long_side}
     config = ModelConfig.beside(path).model_copy(update={k: v for k, v in stated.items() if v is not None})

@@ -1,0 +1,107 @@
+"""The bundled layout, on votes whose instances are known, and the bundled model itself."""
+
+import numpy as np
+import pytest
+from graphs import constant_network
+
+from autowaze.vehicle.semantics.box_votes import CLASSES, DISTANCE_UNIT, group_votes
+from autowaze.vehicle.semantics.model_config import ModelConfig
+from autowaze.vehicle.semantics.model_store import bundled_model
+from autowaze.vehicle.semantics.segmenter import load_segmenter
+from autowaze.world.errors import ModelError
+from autowaze.world.labels import ClassLabel
+
+HEIGHT, WIDTH = 128, 320  # of the network's input
+VEHICLE, PERSON = 1, 3
+IMAGE = np.zeros((HEIGHT, WIDTH), np.uint8)
+
+
+def votes_for(*instances, quality=4.0):
+    """Output that says these instances (class, left, top, right, bottom), the later before the earlier."""
+    votes = np.zeros((2 + len(CLASSES) + 4, HEIGHT // 2, WIDTH // 2), np.float32)
+    votes[0] = 6.0
+    y, x = 1.0 + 2.0 * np.mgrid[: HEIGHT // 2, : WIDTH // 2]
+    for number, left, top, right, bottom in instances:
+        inside = (x > left) & (x < right) & (y > top) & (y < bottom)
+        votes[: 1 + len(CLASSES), inside] = 0.0
+        votes[number, inside] = 6.0
+        distances = np.stack([x - left, y - top, right - x, bottom - y])
+        votes[-5:-1, inside] = np.log(np.maximum(distances[:, inside], 1.0) / DISTANCE_UNIT)
+        votes[-1, inside] = quality
+    return votes
+
+
+@pytest.fixture
+def open_model(tmp_path):
+    def opened(votes, **options):
+        path = constant_network(tmp_path / "votes.onnx", [1, 1, HEIGHT, WIDTH], {"votes": votes[None]})
+        return load_segmenter(path, **options)
+
+    return opened
+
+
+def test_cars_that_touch_are_two(open_model):
+    found = open_model(votes_for((VEHICLE, 20, 40, 100, 90), (VEHICLE, 100, 40, 150, 90))).segment(IMAGE)
+    assert found.label.tolist() == [ClassLabel.CAR, ClassLabel.CAR]
+    assert sorted(found.box.tolist()) == [
+        pytest.approx([20, 40, 100, 90], abs=2),
+        pytest.approx([100, 40, 150, 90], abs=2),
+    ]
+    assert not (found.mask[0] & found.mask[1]).any()
+
+
+def test_a_car_behind_another_keeps_what_is_seen_of_it(open_model):
+    behind, before = (VEHICLE, 20, 30, 120, 80), (VEHICLE, 90, 40, 200, 100)
+    found = open_model(votes_for(behind, before)).segment(IMAGE)
+    left, right = found[np.argsort(found.box[:, 0])]
+    assert left.mask[35, 110] and not right.mask[35, 110]
+    assert right.mask[60, 110] and not left.mask[60, 110]
+
+
+def test_a_person_before_a_car_is_not_part_of_it(open_model):
+    found = open_model(votes_for((VEHICLE, 40, 40, 160, 100), (PERSON, 90, 30, 110, 110))).segment(IMAGE)
+    assert sorted(found.label.tolist()) == [ClassLabel.CAR, ClassLabel.PERSON]
+    car = found[found.label == ClassLabel.CAR]
+    assert len(car) == 1
+    assert not car.mask[0, 70, 100]  # and what the person parts is one car
+
+
+def test_votes_that_are_not_confident_say_nothing(open_model):
+    assert len(open_model(votes_for((VEHICLE, 20, 40, 100, 90), quality=-2.0)).segment(IMAGE)) == 0
+    assert len(open_model(votes_for((VEHICLE, 20, 40, 100, 90), quality=0.2), min_confidence=0.9).segment(IMAGE)) == 0
+
+
+def test_masks_come_at_the_size_of_the_image(open_model):
+    large = np.zeros((2 * HEIGHT, 2 * WIDTH, 3), np.uint8)
+    found = open_model(votes_for((VEHICLE, 20, 40, 100, 90))).segment(large)
+    assert found.mask.shape == (1, 2 * HEIGHT, 2 * WIDTH)
+    assert found.box[0] == pytest.approx([40, 80, 200, 180], abs=3)
+
+
+def test_a_picture_without_anything_is_no_trouble(open_model):
+    assert len(open_model(votes_for()).segment(IMAGE)) == 0
+    owner, _, confidence, numbers = group_votes(votes_for())
+    assert (owner == -1).all() and len(confidence) == len(numbers) == 0
+
+
+def test_wild_votes_are_bounded():
+    wild = np.random.default_rng(5).normal(0, 30, (2 + len(CLASSES) + 4, 40, 60)).astype(np.float32)
+    owner, _, confidence, numbers = group_votes(wild)
+    assert owner.max() < len(numbers) <= 100
+    assert ((confidence >= 0) & (confidence <= 1)).all()
+
+
+def test_classes_that_do_not_fit_the_channels_are_named(tmp_path):
+    votes = np.zeros((1, 9, 8, 8), np.float32)
+    path = constant_network(tmp_path / "three.onnx", [1, 1, 16, 16], {"votes": votes})
+    with pytest.raises(ModelError, match=r"9 channels do not fit 4 classes.*three.json"):
+        load_segmenter(path)
+
+
+def test_the_bundled_model_is_small_free_and_opens_without_a_network():
+    path = bundled_model()
+    assert path.stat().st_size <= 6_000_000
+    assert ModelConfig.beside(path).licence == "Apache-2.0"
+    found = load_segmenter("bundled").segment(np.full((375, 1242), 90, np.uint8))
+    assert len(found) == 0
+    assert found.mask.shape == (0, 375, 1242)

@@ -1,0 +1,51 @@
+"""What the bundled model is trained to say of a picture."""
+
+import numpy as np
+import pytest
+
+from autowaze.world.labels import ClassLabel
+from training.crops import CROP_H, CROP_W, IGNORED, crop, targets
+from training.hardening import hardened
+
+LABELS = np.zeros(256, np.uint8)
+LABELS[[1, 2, 3]] = ClassLabel.CAR, ClassLabel.TRUCK, ClassLabel.PERSON
+
+
+def picture():
+    """Two vehicles and a person, brighter than what lies around."""
+    ids = np.zeros((375, 1242), np.uint8)
+    ids[150:300, 300:620] = 1
+    ids[180:320, 560:760] = 2
+    ids[120:330, 640:690] = 3
+    return np.where(ids > 0, 200, 60).astype(np.uint8), ids
+
+
+def test_a_crop_moves_picture_and_ids_alike():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        image, ids = crop(*picture(), LABELS, rng)
+        assert image.shape == ids.shape == (CROP_H, CROP_W)
+        assert ((image > 130) == (ids > 0)).mean() > 0.985
+
+
+def test_targets_are_boxes_of_what_is_visible():
+    ids = np.zeros((CROP_H, CROP_W), np.uint8)
+    ids[40:140, 100:300] = 1
+    ids[60:160, 240:340] = 2
+    ids[150, 20:24] = 3
+    classes, boxes, weight = targets(ids, LABELS)
+    assert classes[25, 75] == classes[40, 150] == 1  # cars and trucks are vehicles
+    assert boxes[25, 75] == pytest.approx([100, 40, 300, 140])
+    assert boxes[40, 150] == pytest.approx([240, 60, 340, 160])
+    assert classes[75, 11] in (0, IGNORED)  # too small to be asked for
+    assert weight[75, 11] == weight[0, 0] == 0
+    assert weight[40, 150] > weight[25, 75] > 0  # the smaller instance's pixels weigh more
+
+
+def test_hardening_may_hide_instances_but_never_moves_or_invents_them():
+    rng = np.random.default_rng(4)
+    for _ in range(60):
+        image, ids = crop(*picture(), LABELS, rng)
+        hard, hard_ids = hardened(image, ids, rng)
+        assert hard.shape == image.shape and hard.dtype == np.uint8
+        assert ((hard_ids == ids) | (hard_ids == 0)).all()

@@ -1,0 +1,1 @@
+"""Making the bundled segmentation model: data from the simulator, training, export, evaluation."""

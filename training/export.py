@@ -1,0 +1,97 @@
+"""From trained weights to the ONNX file that ships, and back."""
+
+from __future__ import annotations
+
+import copy
+import warnings
+from pathlib import Path
+
+import numpy as np
+import onnx
+import torch
+from onnx import TensorProto, helper, numpy_helper
+
+from training.network import STRIDE, Conv, Network
+
+_OPSET = 17
+
+
+def export(network: Network, path: Path) -> None:
+    """Write the network with its normalisation folded in, weights as float16 (the arithmetic stays float32)."""
+    folded = _folded(network)
+    partial = path.with_suffix(".part")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        torch.onnx.export(
+            folded,
+            (torch.zeros(1, 1, 2 * STRIDE, 2 * STRIDE),),
+            str(partial),
+            input_names=["image"],
+            output_names=["votes"],
+            dynamic_axes={"image": {2: "height", 3: "width"}, "votes": {2: "rows", 3: "columns"}},
+            opset_version=_OPSET,
+            dynamo=False,
+        )
+    model = onnx.load(str(partial))
+    _halve_weights(model)
+    onnx.checker.check_model(model)
+    onnx.save(model, str(partial))
+    partial.replace(path)
+
+
+def _folded(network: Network) -> Network:
+    """A copy for inference without normalisation layers."""
+    network = copy.deepcopy(network).to(memory_format=torch.contiguous_format).eval()
+    for module in network.modules():
+        if isinstance(module, Conv):
+            module.conv = torch.nn.utils.fusion.fuse_conv_bn_eval(module.conv, module.norm)
+            module.norm = torch.nn.Identity()  # type: ignore[assignment]
+    return network
+
+
+def _halve_weights(model: onnx.ModelProto) -> None:
+    """Store weights as float16 with a cast behind each, which onnxruntime folds when it loads the model."""
+    casts = []
+    for tensor in model.graph.initializer:
+        if tensor.data_type != TensorProto.FLOAT or len(tensor.dims) != 4:
+            continue
+        half = numpy_helper.to_array(tensor).astype(np.float16)
+        casts.append(helper.make_node("Cast", [f"{tensor.name}.half"], [tensor.name], to=TensorProto.FLOAT))
+        tensor.CopyFrom(numpy_helper.from_array(half, f"{tensor.name}.half"))
+    nodes = list(model.graph.node)
+    del model.graph.node[:]
+    model.graph.node.extend([*casts, *nodes])
+
+
+@torch.no_grad()
+def load_exported(network: Network, path: Path, images: torch.Tensor) -> None:
+    """Give a network the weights of an exported model, so that training goes on from there.
+
+    Normalisation was folded away: each layer's is set to what its convolution now puts out on `images`
+    (N, 1, H, W), with scale and shift that leave the layer as it was.
+    """
+    weights = {}
+    for tensor in onnx.load(str(path)).graph.initializer:
+        weights[tensor.name.removesuffix(".half")] = torch.tensor(numpy_helper.to_array(tensor).astype(np.float32))
+    hooks = []
+    for name, module in network.named_modules():
+        if isinstance(module, Conv):
+            module.conv.weight.copy_(weights[f"{name}.conv.weight"])
+            hooks.append(module.norm.register_forward_pre_hook(_measuring(weights[f"{name}.conv.bias"])))
+    network.out.weight.copy_(weights["out.weight"])
+    network.out.bias.copy_(weights["out.bias"])
+    network.eval()(images)
+    network.train()
+    for hook in hooks:
+        hook.remove()
+
+
+def _measuring(bias: torch.Tensor):  # type: ignore[no-untyped-def]
+    def measure(norm: torch.nn.BatchNorm2d, inputs: tuple[torch.Tensor, ...]) -> None:
+        mean, variance = inputs[0].mean((0, 2, 3)), inputs[0].var((0, 2, 3))
+        norm.running_mean.copy_(mean)  # type: ignore[union-attr]
+        norm.running_var.copy_(variance)  # type: ignore[union-attr]
+        norm.weight.copy_(torch.sqrt(variance + norm.eps))
+        norm.bias.copy_(mean + bias)
+
+    return measure

@@ -1,0 +1,71 @@
+"""What the network is trained to: right classes, boxes that overlap the truth, and to know how well they do."""
+
+from __future__ import annotations
+
+import torch
+from torch.nn import functional
+
+from autowaze.vehicle.semantics.box_votes import CLASSES, DISTANCE_UNIT, OUTPUT_STRIDE
+from training.crops import IGNORED
+
+_N = 1 + len(CLASSES)
+_CLASS_WEIGHTS = torch.tensor([1.0, 1.0, 1.2, 1.2, 1.5])
+_SEAM_WEIGHT = 1.5
+
+
+def losses(
+    output: torch.Tensor, classes: torch.Tensor, boxes: torch.Tensor, weight: torch.Tensor
+) -> dict[str, torch.Tensor]:
+    """Loss terms by name, each a scalar.
+
+    Args:
+        output: (N, 2 + C + 4, h, w) float32.
+        classes, boxes, weight: targets of `crops.targets`, stacked.
+    """
+    return {
+        "class": _class_loss(output[:, :_N], classes, weight),
+        **_vote_losses(output[:, _N:], boxes, weight),
+    }
+
+
+def _class_loss(logits: torch.Tensor, classes: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
+    """Cross-entropy with focus on seams and small instances, and the overlap (dice) of all vehicles together."""
+    known = classes != IGNORED
+    target = torch.where(known, classes, torch.zeros_like(classes)).long()
+    each = functional.cross_entropy(logits, target, _CLASS_WEIGHTS, reduction="none")
+    inside = (target > 0).float()[:, None]
+    seam = functional.max_pool2d(inside, 5, 1, 2) + functional.max_pool2d(-inside, 5, 1, 2)
+    factor = known * (1.0 + _SEAM_WEIGHT * seam[:, 0]) * torch.clamp(weight, 1.0, 3.0)
+    vehicle = logits.softmax(1)[:, 1] * known
+    true = (target == 1).float() * known
+    dice = 1 - (2 * (vehicle * true).sum() + 1) / (vehicle.sum() + true.sum() + 1)
+    return (each * factor).mean() * 2.0 + 0.3 * dice
+
+
+def _vote_losses(votes: torch.Tensor, boxes: torch.Tensor, weight: torch.Tensor) -> dict[str, torch.Tensor]:
+    """1 - GIoU of the voted boxes (Rezatofighi et al. 2019), with their error relative to the size; and quality."""
+    n, y, x = torch.nonzero(weight > 0, as_tuple=True)
+    own = votes[n, :, y, x]
+    true, w = boxes[n, y, x], weight[n, y, x]
+    at = OUTPUT_STRIDE * torch.stack([x, y, x, y], 1) + OUTPUT_STRIDE / 2
+    sign = torch.tensor([-1.0, -1.0, 1.0, 1.0])
+    box = at + sign * DISTANCE_UNIT * torch.exp(own[:, :4].clamp(-6, 6))
+    iou, giou = _overlaps(box, true)
+    size = torch.cat([true[:, 2:] - true[:, :2]] * 2, 1).clamp(min=8.0)
+    relative = functional.smooth_l1_loss(box / size, true / size, beta=0.1, reduction="none").sum(1).clamp(max=3.0)
+    quality = functional.binary_cross_entropy_with_logits(own[:, 4], iou.detach(), reduction="none")
+    total = w.sum().clamp(min=1.0)
+    return {
+        "box": 1.5 * (w * (1 - giou + 0.5 * relative)).sum() / total,
+        "quality": 0.5 * (w * quality).sum() / total,
+    }
+
+
+def _overlaps(a: torch.Tensor, b: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """IoU and GIoU (N,) of boxes (N, 4)."""
+    low, high = torch.maximum(a[:, :2], b[:, :2]), torch.minimum(a[:, 2:], b[:, 2:])
+    both = (high - low).clamp(min=0).prod(1)
+    union = (a[:, 2:] - a[:, :2]).prod(1) + (b[:, 2:] - b[:, :2]).prod(1) - both
+    hull = (torch.maximum(a[:, 2:], b[:, 2:]) - torch.minimum(a[:, :2], b[:, :2])).prod(1)
+    iou = both / union.clamp(min=1e-3)
+    return iou, iou - (hull - union) / hull.clamp(min=1e-3)

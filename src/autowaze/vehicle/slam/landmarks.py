@@ -63,7 +63,9 @@ class Landmarks:
 
     def __init__(self, capacity: int = 1 << 14) -> None:
         self._store = {name: np.zeros((capacity, *shape), dtype) for name, (dtype, shape) in _COLUMNS.items()}
-        self._row_of_id = np.full(capacity + 2, NO_LANDMARK, np.int64)  # the first and the last are never given
+        self._row_of_id = np.full(capacity + 2, NO_LANDMARK, np.int64)  # of ids from `_base` on, between two blanks
+        self._base = 1
+        self._n_below = 0  # rows whose ids lie below it
         self._next_id = 1
         self._count = 0
         self._bind()
@@ -88,7 +90,7 @@ class Landmarks:
         self._next_id += n
         self._count = stop
         self._bind()
-        self._file_rows(ids, start)
+        self._file_new(ids, start)
         return ids
 
     def add_stored(self, features: MapFeatures) -> NDArray[np.int64]:
@@ -108,7 +110,11 @@ class Landmarks:
 
     def rows(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """Row numbers of ids; -1 for ids that were culled or never given."""
-        return np.asarray(self._row_of_id.take(ids, mode="clip"))
+        rows = np.asarray(self._row_of_id.take(ids - (self._base - 1), mode="clip"))
+        if self._n_below:
+            below = np.flatnonzero((ids < self._base) & (ids > 0))
+            rows[below] = self._rows_below(ids[below])
+        return rows
 
     def remove(self, gone: NDArray[np.bool_]) -> None:
         """Drop the rows of a mask (N,); the others keep their order and ids, not their row numbers."""
@@ -116,20 +122,39 @@ class Landmarks:
             return
         first = int(gone.argmax())
         keep = np.flatnonzero(~gone[first:]) + first
-        self._row_of_id[self.id[first:]] = NO_LANDMARK
+        self._file(self.id[first:], NO_LANDMARK)
         for store in self._store.values():
             store[first : first + len(keep)] = store[keep]
         self._count = first + len(keep)
         self._bind()
-        self._row_of_id[self.id[first:]] = np.arange(first, self._count)
+        self._n_below = int(np.searchsorted(self.id, self._base))
+        self._file(self.id[first:], np.arange(first, self._count))
 
-    def _file_rows(self, ids: NDArray[np.int64], first_row: int) -> None:
-        """Note that these new ids stand in consecutive rows."""
-        if self._next_id + 1 > len(self._row_of_id):
-            grown = np.full(2 * (self._next_id + 1), NO_LANDMARK, np.int64)
-            grown[: len(self._row_of_id)] = self._row_of_id
-            self._row_of_id = grown
-        self._row_of_id[ids] = np.arange(first_row, first_row + len(ids))
+    def _rows_below(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Row numbers of ids from before the table: those of a stored map."""
+        low = self.id[: self._n_below]
+        if low[-1] - low[0] == len(low) - 1:
+            at = np.clip(ids - low[0], 0, len(low) - 1)
+        else:
+            at = np.minimum(np.searchsorted(low, ids), len(low) - 1)
+        return np.where(low[at] == ids, at, NO_LANDMARK)
+
+    def _file(self, ids: NDArray[np.int64], rows: NDArray[np.int64] | int) -> None:
+        """Note where ids stand; those below the table need no note."""
+        in_table = ids >= self._base
+        self._row_of_id[ids[in_table] - (self._base - 1)] = rows if np.ndim(rows) == 0 else rows[in_table]  # type: ignore[index]
+
+    def _file_new(self, ids: NDArray[np.int64], first_row: int) -> None:
+        """Note that these new ids stand in consecutive rows; the table follows the ids that are alive."""
+        if self._next_id - self._base + 2 > len(self._row_of_id):
+            own = np.flatnonzero(~self.is_stored[:first_row])
+            self._base = int(self.id[own[0]]) if len(own) else int(ids[0])
+            self._n_below = int(np.searchsorted(self.id, self._base))
+            size = max(2 * (self._next_id - self._base + 2), len(self._row_of_id) // 2)
+            self._row_of_id = np.full(size, NO_LANDMARK, np.int64)
+            self._file(self.id, np.arange(self._count))
+        else:
+            self._file(ids, np.arange(first_row, first_row + len(ids)))
 
     def _reserve(self, size: int) -> None:
         capacity = len(self._store["id"])

@@ -19,6 +19,8 @@ from autowaze.world.pose import Pose, inverse
 
 _MIN_FOUND_SHARE = 0.25  # ORB-SLAM2: young landmarks found more rarely where predicted are culled
 _MIN_PREDICTED = 8  # frames before that share means something
+_CULL_EVERY = 4  # keyframes: moving rows costs as much for one landmark as for many
+_FLEETING_S = 1.0  # a landmark that was never found again within it was none
 _MIN_SHARED = 15  # ORB-SLAM2: landmarks that two keyframes share to be covisible
 
 
@@ -42,6 +44,7 @@ class LocalMapper:
         self.settings = settings
         self.landmarks = landmarks
         self.keyframes: list[Keyframe] = []
+        self.n_keyframes = 0
         self.local_rows: NDArray[np.int64] = np.zeros(0, np.int64)
         self._level_scale = settings.level_scale
         self._pending: _Pending | None = None
@@ -54,7 +57,9 @@ class LocalMapper:
         self._observe_again(frame, T_map_cam, landmark_id)
         landmark_id = self._create(frame, T_map_cam, landmark_id, timestamp)
         self.keyframes.append(Keyframe(index, T_map_cam.copy(), frame, landmark_id))
-        self._cull()
+        self.n_keyframes += 1
+        if self.n_keyframes % _CULL_EVERY == 0:
+            self._forget(timestamp)
         self.refresh_local(T_map_cam)
         if self._pending is None and len(self.keyframes) > 1:
             self._start_adjustment(index + self.settings.adjustment_frames)
@@ -85,11 +90,9 @@ class LocalMapper:
     def move(self, motion: Pose) -> None:
         """Move the latest keyframes and the landmarks that they made (4, 4, map to map), as when drift is mended."""
         self.finish()
-        recent = self.keyframes[-(self.settings.n_adjusted + self.settings.n_fixed) :]
-        for keyframe in recent:
+        for keyframe in self.keyframes:
             keyframe.T_map_cam = motion @ keyframe.T_map_cam
-        rows = self._rows_seen_by(recent)
-        rows = rows[~self.landmarks.is_stored[rows]]
+        rows = np.flatnonzero((self._seen_by(self.keyframes) > 0) & ~self.landmarks.is_stored)
         self.landmarks.position[rows] = self.landmarks.position[rows] @ motion[:3, :3].T + motion[:3, 3]
 
     def forget(self) -> None:
@@ -97,17 +100,13 @@ class LocalMapper:
         self.finish()
         self.keyframes.clear()
 
-    def _rows_seen_by(self, keyframes: list[Keyframe]) -> NDArray[np.int64]:
-        return np.flatnonzero(self._seen_by(keyframes))
-
     def refresh_local(self, T_map_cam: Pose) -> None:
         """Choose the landmarks to look for: those of the latest keyframes and those of the stored map nearby."""
-        recent = self.keyframes[-(self.settings.n_adjusted + self.settings.n_fixed) :]
-        rows = self._rows_seen_by(recent)
-        offset = self.landmarks.position[:, :2] - T_map_cam[:2, 3]
-        near = np.einsum("ij,ij->i", offset, offset) < self.settings.local_radius_m**2
-        stored = np.flatnonzero(self.landmarks.is_stored & near)
-        self.local_rows = np.union1d(rows, stored)
+        local = self._seen_by(self.keyframes[-self.settings.n_local_keyframes :]) > 0
+        stored = np.flatnonzero(self.landmarks.is_stored)
+        offset = self.landmarks.position[stored, :2] - T_map_cam[:2, 3]
+        local[stored[np.einsum("ij,ij->i", offset, offset) < self.settings.local_radius_m**2]] = True
+        self.local_rows = np.flatnonzero(local)
 
     def _carry(self, landmark_id: NDArray[np.int64], motion: Pose) -> None:
         """Move landmarks along with the keyframe that saw them."""
@@ -165,19 +164,25 @@ class LocalMapper:
         )
         return landmark_id
 
-    def _cull(self) -> None:
+    def _forget(self, timestamp: float) -> None:
+        """Drop keyframes that no adjustment will use, and landmarks that are rarely found or long out of sight."""
+        del self.keyframes[: -self.settings.n_local_keyframes]
         store = self.landmarks
-        rare = (store.n_visible >= _MIN_PREDICTED) & (store.n_found < _MIN_FOUND_SHARE * store.n_visible)
-        store.remove(rare & ~store.is_stored)
+        unseen_s = timestamp - store.last_seen
+        gone = (store.n_visible >= _MIN_PREDICTED) & (store.n_found < _MIN_FOUND_SHARE * store.n_visible)
+        gone |= (store.n_found == 1) & (unseen_s > _FLEETING_S)
+        gone |= unseen_s > self.settings.memory_s
+        store.remove(gone & ~store.is_stored)
 
     def _start_adjustment(self, due: int) -> None:
         free = self.keyframes[-self.settings.n_adjusted :]
         older = self.keyframes[: -self.settings.n_adjusted][-self.settings.n_fixed :]
-        seen = self._seen_by(free) > 0
+        count = self._seen_by(free)
+        seen = count > 0
         fixed = [k for k in older if np.count_nonzero(seen[self._rows_of(k)]) >= _MIN_SHARED]
         keyframes = fixed + free
         # What one keyframe alone sees, three measurements for three unknowns, tells nothing of the pose.
-        tells = seen & ((self._seen_by(keyframes) > 1) | self.landmarks.is_stored)
+        tells = seen & ((count + self._seen_by(fixed) > 1) | self.landmarks.is_stored)
         alone = seen & ~tells
         seen_once = [self.landmarks.id[rows[alone[rows]]] for rows in map(self._rows_of, keyframes)]
         pose_free = np.arange(len(keyframes)) >= max(len(fixed), 1)

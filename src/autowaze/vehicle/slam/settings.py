@@ -35,6 +35,7 @@ class SlamSettings:
         keyframe_ratio: tracked landmarks below this share of the last keyframe's make a new one.
         keyframe_distance_m, keyframe_angle_rad: as does so much motion.
         n_adjusted, n_fixed: keyframes that bundle adjustment moves, and older ones that hold it.
+        memory_s: landmarks of this drive that were not seen for so long are forgotten, so that a drive may last.
         local_radius_m: features of the stored map within it are looked for.
     """
 
@@ -60,7 +61,13 @@ class SlamSettings:
     keyframe_angle_rad: float = 0.03
     n_adjusted: int = 5
     n_fixed: int = 5
+    memory_s: float = 60.0
     local_radius_m: float = 60.0
+
+    @property
+    def n_local_keyframes(self) -> int:
+        """The latest keyframes, whose landmarks are looked for."""
+        return self.n_adjusted + self.n_fixed
 
     @property
     def level_scale(self) -> NDArray[np.float64]:

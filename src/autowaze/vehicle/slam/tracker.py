@@ -18,7 +18,7 @@ from autowaze.world.camera import StereoCamera
 from autowaze.world.labels import is_movable
 from autowaze.world.pose import Pose, inverse
 
-_MOTION_ROUNDS = 2  # this pose only says where to look in the map
+_MOTION_ROUNDS, _MOTION_FEATURES = 2, 200  # this pose only says where to look in the map
 _MOTION_RADII_PX = (20.0, 60.0)  # around the predicted pixel at level 0; the wide one when the narrow one fails
 _MAP_RADIUS_PX, _MAP_RADIUS_OBLIQUE_PX = 4.0, 6.0
 _MIN_MOTION_INLIERS = 20
@@ -74,6 +74,8 @@ class Tracker:
                 T = pose_by_consensus(position[source], frame.uv[feature], self.camera, _MIN_MOTION_INLIERS)
             if T is None or len(feature) < _MIN_MOTION_INLIERS:
                 continue
+            every = max(len(source) // _MOTION_FEATURES, 1)
+            source, feature = source[::every], feature[::every]
             label = last.frame.features.label[source]
             weight = self._weights(frame, feature, label, np.zeros(len(feature), np.bool_))
             estimate = optimize_pose(

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.world.errors import AutowazeError
-from training.scenery import Setting, Wardrobe, random_description
+from training.scenery import Setting
+from training.streets import random_description
+from training.wardrobe import Wardrobe
 
 _JPEG_QUALITY = 95
 

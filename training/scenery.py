@@ -9,33 +9,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from autowaze.simulator.description import StreetDescription
-from autowaze.simulator.mesh import Mesh, box, planted
-from autowaze.simulator.parking import CAR_GLOSS
+from autowaze.simulator.mesh import planted
 from autowaze.simulator.plan.roads import LANE_M, Bay, Road
 from autowaze.simulator.render.renderer import Renderer
-from autowaze.simulator.scene import Model, Scene, Surface, Thing
+from autowaze.simulator.scene import Thing
 from autowaze.simulator.sensor import paint_lens_dirt
 from autowaze.simulator.street import build_street
 from autowaze.simulator.surfaces.sky import paint_sky, paint_surroundings
-from autowaze.simulator.things.cars import CarModel, car_model, paint_colour
-from autowaze.simulator.things.people import rider, walker
-from autowaze.simulator.things.two_wheelers import SADDLE_M, bicycle, motorcycle
+from autowaze.simulator.things.cars import paint_colour
 from autowaze.world.labels import ClassLabel
 from autowaze.world.pose import heading_to_rotation, make_pose, so3_exp
+from training.wardrobe import CLUTTER, TWO_WHEELERS, WALKERS, Wardrobe, add_models
 
-_FIRST_SEED = 10_000_000  # presets and evaluation use small seeds: no training street is one of theirs
-_KINDS = ("city", "hatch", "hatch", "sedan", "estate", "suv", "suv", "minivan", "van", "pickup", "sports", "truck")
-_MODELS_PER_STREET, _NEW_MODELS_PER_STREET = 26, 5
-_WALKERS, _RIDERS, _CLUTTER_MODELS = 20, 5, 14
-_CLUTTER_SURFACES = (
-    "hedge", "plain", "metal", "garage", "roof", "bark", "windows", "shops", "wall-marks", "paving", "asphalt",
-)  # fmt: skip
 _MAX_IDS = 250
 _REACH_M = 60.0
 
@@ -54,44 +44,6 @@ class Arrangement:
     T_map_cam: NDArray[np.float64]
 
 
-class Wardrobe:
-    """Car models that streets share, a few of them made new for every street: painting one takes a second."""
-
-    def __init__(self, rng: np.random.Generator) -> None:
-        self._rng = rng
-        self._models: list[tuple[CarModel, Surface]] = []
-
-    def pick(self) -> list[tuple[CarModel, Surface]]:
-        """The models of the next street."""
-        new = _NEW_MODELS_PER_STREET if len(self._models) >= _MODELS_PER_STREET else 12
-        for _ in range(new):
-            kind = str(self._rng.choice(_KINDS))
-            model = car_model.__wrapped__(kind, int(self._rng.integers(_FIRST_SEED, 2**31)))
-            self._models.append((model, Surface(_worn(model.texture, self._rng), gloss=_gloss(self._rng))))
-        self._models = self._models[-90:]
-        chosen = self._rng.permutation(len(self._models))[:_MODELS_PER_STREET]
-        return [self._models[i] for i in chosen]
-
-
-def _gloss(rng: np.random.Generator) -> float:
-    return float(rng.choice([CAR_GLOSS, rng.uniform(0.0, 1.0)]))
-
-
-def _worn(texture: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
-    """The painted skin in another contrast, sometimes with dirt or lettering; the finish in alpha stays."""
-    colour = texture[..., :3].astype(np.float32)
-    colour = np.clip((colour - 128) * rng.uniform(0.75, 1.25) + 128 + rng.uniform(-20, 20), 0, 255)
-    if rng.random() < 0.3:
-        coarse = rng.normal(0, rng.uniform(5, 30), (12, 12)).astype(np.float32)
-        colour += cv2.resize(coarse, colour.shape[1::-1], interpolation=cv2.INTER_CUBIC)[..., None]
-    if rng.random() < 0.25:
-        for _ in range(int(rng.integers(1, 12))):
-            x, y = (int(v) for v in rng.integers(0, len(colour), 2))
-            w, h = (int(v) for v in rng.integers(8, 120, 2))
-            colour[y : y + h, x : x + w] = rng.uniform(0, 255)
-    return np.dstack([np.clip(colour, 0, 255).astype(np.uint8), texture[..., 3]])
-
-
 class Setting:
     """One street with its renderer, ready to be filled again and again."""
 
@@ -101,7 +53,7 @@ class Setting:
         self._cars = wardrobe.pick()
         self.camera = description.rig.camera
         scene = self._street.scene
-        _add_models(scene, self._cars, rng)
+        add_models(scene, self._cars, rng)
         light = replace(self._street.light, exposure=self._street.light.exposure * float(np.exp(rng.normal(0.0, 0.35))))
         sky = paint_sky(light, rng, 768)
         around = shapely.minimum_rotated_rectangle(self._street.plan.asphalt.buffer(11.0))
@@ -117,7 +69,6 @@ class Setting:
             description.light.wet,
             threads=1,
         )
-        self._clutter = [name for name in scene.models if name.startswith("clutter-")]
 
     def close(self) -> None:
         """Give the renderer's memory back."""
@@ -271,14 +222,14 @@ class Setting:
     ) -> None:
         rng = self._rng
         casts = (
-            ([f"walker-t{i}" for i in range(_WALKERS)], rng.poisson(2.0), ClassLabel.PERSON, (0.5, 0.5, 1.76)),
+            (WALKERS, rng.poisson(2.0), ClassLabel.PERSON, (0.5, 0.5, 1.76)),
             (
-                ["bicycle-t", "motorcycle-t", *(f"cyclist-t{i}" for i in range(_RIDERS))],
+                TWO_WHEELERS,
                 rng.poisson(1.5),
                 ClassLabel.TWO_WHEELER,
                 (1.8, 0.5, 1.7),
             ),
-            (["cone", "cone", "barrier"], rng.poisson(1.0) * rng.integers(0, 2), ClassLabel.CONE, (0.5, 0.5, 0.8)),
+            (("cone", "cone", "barrier"), rng.poisson(1.0) * rng.integers(0, 2), ClassLabel.CONE, (0.5, 0.5, 0.8)),
         )
         for names, count, label, size in casts:
             for _ in range(int(count)):
@@ -301,7 +252,7 @@ class Setting:
     ) -> None:
         """What is no vehicle, where vehicles stand: walls, hedges, containers, bins, cabinets."""
         rng = self._rng
-        names = [*self._clutter, "bin_on_wheels", "litter_bin", "cabinet", "bench", "bollard"]
+        names = [*CLUTTER, "bin_on_wheels", "litter_bin", "cabinet", "bench", "bollard"]
         for _ in range(int(rng.poisson(2.5))):
             x, y = self._in_view(eye, pose, 3.5, 30.0)
             name = str(rng.choice(names))
@@ -331,64 +282,3 @@ def _contact_shadow(car: Thing) -> Thing:
     T[:3, 1] *= car.size[1] / 2 + 0.16
     T[2, 3] += 0.018
     return Thing("contact-shadow", T)
-
-
-def _add_models(scene: Scene, cars: list[tuple[CarModel, Surface]], rng: np.random.Generator) -> None:
-    for model, surface in cars:
-        scene.surfaces[model.name] = surface
-        scene.models[model.name] = Model(((model.near, model.name),), ((model.far, model.name),))
-    for i in range(_WALKERS):
-        scene.models[f"walker-t{i}"] = Model(((walker(int(rng.integers(0, 4000)), float(rng.random())), "plain"),))
-    for i in range(_RIDERS):
-        figure = Mesh.concatenate([bicycle(), rider(int(rng.integers(0, 4000)), SADDLE_M)])
-        scene.models[f"cyclist-t{i}"] = Model(((figure, "plain"),))
-    scene.models["bicycle-t"] = Model(((bicycle(), "plain"),))
-    scene.models["motorcycle-t"] = Model(((motorcycle(), "metal"),))
-    surfaces = [name for name in _CLUTTER_SURFACES if name in scene.surfaces and not scene.surfaces[name].decal]
-    for i in range(_CLUTTER_MODELS):
-        x, y, z = rng.uniform(0.3, 2.0), rng.uniform(0.1, 1.0), np.exp(rng.uniform(np.log(0.4), np.log(2.6)))
-        solid = box((-x, -y, 0.0), (x, y, float(z)), float(rng.uniform(0.5, 2.0)))
-        scene.models[f"clutter-{i}"] = Model(((solid, str(rng.choice(surfaces))),))
-
-
-def random_description(number: int, rng: np.random.Generator) -> StreetDescription:
-    """The street of a number, unlike any preset."""
-    layout = str(rng.choice(["straight", "straight", "curved", "curved", "block", "lot"]))
-    tall = rng.random() < 0.15
-    width, height = (960, 540) if tall else (1242, 375)
-    fx = float(np.exp(rng.uniform(np.log(430), np.log(950))))
-    return StreetDescription.model_validate(
-        {
-            "seed": _FIRST_SEED + number,
-            "layout": layout,
-            "length_m": float(rng.uniform(60, 110)),
-            "turn_deg": float(rng.uniform(-40, 40)),
-            "heading_deg": float(rng.uniform(0, 359)),
-            "frontage": str(rng.choice(["terraces", "shops", "houses", "mixed"])),
-            "trees": float(rng.uniform(0, 1)),
-            "clutter": float(rng.uniform(0, 1)),
-            "rows": [] if layout in ("block", "lot") or rng.random() < 0.4 else _random_rows(rng),
-            "parking": {"occupancy": 0.0},
-            "light": {
-                "date": str(rng.choice(["2024-06-12", "2024-03-20", "2024-10-20", "2024-12-01"])),
-                "solar_time": float(rng.uniform(7.0, 18.0)),
-                "weather": str(rng.choice(["clear", "clear", "clear", "hazy", "overcast", "dusk"])),
-                "wet": bool(rng.random() < 0.15),
-            },
-            "effects": {
-                "vignetting": float(rng.uniform(0, 0.5)),
-                "lens_dirt": float(rng.choice([0.0, 0.0, rng.uniform(0, 0.6)])),
-            },
-            "rig": {"name": "free", "fx": fx, "baseline_m": 0.5, "width": width, "height": height},
-        }
-    )
-
-
-def _random_rows(rng: np.random.Generator) -> list[dict[str, object]]:
-    rows = []
-    for side in ("left", "right"):
-        kind = str(rng.choice(["parallel", "parallel", "perpendicular", "angled"]))
-        pitch_m = {"parallel": rng.uniform(5.45, 6.3), "perpendicular": rng.uniform(2.3, 2.9), "angled": 3.0}[kind]
-        room = 34.0  # metres that even the shortest of these streets has
-        rows.append({"side": side, "kind": kind, "count": int(room / pitch_m), "pitch_m": float(pitch_m)})
-    return rows

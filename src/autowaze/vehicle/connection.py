@@ -102,8 +102,7 @@ class CloudConnection:
         self, method: str, path: str, body: bytes | None, headers: Mapping[str, str], most_bytes: int
     ) -> Reply:
         try:
-            self._http.request(method, self._prefix + path, body, {**self._headers, **headers})
-            response = self._http.getresponse()
+            response = self._response(method, path, body, {**self._headers, **headers})
             answer = response.read(most_bytes + 1)
             if len(answer) > most_bytes or not response.isclosed():
                 raise UnreachableError(f"{self.url}{path}: the answer is longer than {most_bytes} bytes")
@@ -114,3 +113,18 @@ class CloudConnection:
         except UnreachableError:
             self._http.close()
             raise
+
+    def _response(
+        self, method: str, path: str, body: bytes | None, headers: Mapping[str, str]
+    ) -> http.client.HTTPResponse:
+        """What the service begins to answer; asked once more where it had let go of an idle connection."""
+        was_open = self._http.sock is not None
+        try:
+            self._http.request(method, self._prefix + path, body, headers)
+            return self._http.getresponse()
+        except ConnectionError:
+            if not was_open:
+                raise
+            self._http.close()
+            self._http.request(method, self._prefix + path, body, headers)
+            return self._http.getresponse()

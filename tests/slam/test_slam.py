@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from known_street import CAMERA, Street, drive, stored_map, straight_drive
 
+from autowaze.vehicle.slam.settings import SlamSettings
 from autowaze.vehicle.slam.slam import StereoSlam
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
 from autowaze.world.feature_map import FeatureMap
@@ -139,3 +140,39 @@ def test_too_few_features_do_not_start_a_drive() -> None:
     frame = StereoSlam(CAMERA).track(CameraFeatures.empty(), 0.0, 0)
     assert frame.state == TrackingState.INITIALIZING
     assert "0 stereo features" in frame.reason
+
+
+def test_the_stated_covariance_covers_the_error_that_is_made(street: Street) -> None:
+    """Squared position errors over stated variances; here points err independently, images do less kindly."""
+    poses, normalised = straight_drive(40), []
+    for seed in (11_000, 12_000, 13_000):
+        frames = drive(StereoSlam(CAMERA), street, poses, seed=seed)
+        for i in (10, 25, 39):
+            error = frames[i].T_map_cam[:3, 3] - poses[i][:3, 3]
+            normalised.append(error @ np.linalg.solve(frames[i].covariance[:3, :3], error) / 3)
+    assert 0.1 < np.mean(normalised) < 1.5
+
+
+def test_uncertainty_grows_once_the_stored_map_ends(street: Street, base_map: FeatureMap) -> None:
+    half = FeatureMap(base_map.features[base_map.features.position[:, 1] < 40.0])
+    frames = drive(StereoSlam(CAMERA, stored_map=half), street, straight_drive(70), seed=7000)
+    sigma_m = [np.sqrt(np.trace(f.covariance[:3, :3])) for f in frames]
+    ends = [f.state for f in frames].index(TrackingState.ODOMETRY)
+    assert max(sigma_m[:ends]) < 0.1
+    assert sigma_m[-1] > 2 * np.median(sigma_m[:ends])
+
+
+def test_a_long_drive_takes_no_more_memory_than_a_short_one() -> None:
+    """One street after another, ten minutes apart: what is out of sight is forgotten, ids go on."""
+    slam, sizes = StereoSlam(CAMERA, SlamSettings(memory_s=3.0)), []
+    for lap in range(8):
+        street = Street(60.0, seed=lap)
+        for i, T in enumerate(straight_drive(20)):
+            slam.track(street.see(T, 100 * lap + i), 600.0 * lap + 0.1 * i, 20 * lap + i)
+        sizes.append(len(slam.landmarks))
+    slam.finish()
+    ids = slam.landmarks.id
+    assert sizes[-1] < 1.5 * sizes[0]
+    assert slam.landmarks.capacity < 0.8 * ids[-1]
+    np.testing.assert_array_equal(slam.landmarks.rows(ids), np.arange(len(ids)))
+    assert (slam.landmarks.rows(np.array([-1, 0, 1, ids[-1] + 1])) == -1).all()

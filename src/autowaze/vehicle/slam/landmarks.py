@@ -74,6 +74,11 @@ class Landmarks:
         return self._count
 
     @property
+    def capacity(self) -> int:
+        """Rows and ids that memory is taken for."""
+        return max(len(self._store["id"]), len(self._row_of_id))
+
+    @property
     def is_stored(self) -> NDArray[np.bool_]:
         """(N,) which landmarks belong to the stored map; their positions stay as they are."""
         return np.asarray(self.map_id != 0)

@@ -16,7 +16,7 @@ CHI2_MONO = 5.991  # 95 % of chi squared with 2 degrees of freedom
 CHI2_STEREO = 7.815  # and with 3
 _ROUNDS, _ITERATIONS = 4, 10
 _ROBUST_ROUNDS = 2
-_CONVERGED = 1e-5  # m and rad: a hundredth of what the data can tell
+_CONVERGED = 1e-4  # m and rad: a tenth of what the data can tell
 
 
 @dataclass(frozen=True)

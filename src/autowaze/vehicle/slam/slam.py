@@ -11,6 +11,7 @@ from autowaze.vehicle.slam.landmarks import NO_LANDMARK, Landmarks
 from autowaze.vehicle.slam.local_mapper import LocalMapper
 from autowaze.vehicle.slam.observed_frame import ObservedFrame
 from autowaze.vehicle.slam.pose_optimization import PoseEstimate
+from autowaze.vehicle.slam.pose_uncertainty import PoseUncertainty
 from autowaze.vehicle.slam.relocalizer import Relocalizer
 from autowaze.vehicle.slam.settings import SlamSettings
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
@@ -68,7 +69,7 @@ class StereoSlam:
         self._level_scale = settings.level_scale
         self._last: Located | None = None
         self._velocity: Pose | None = None
-        self._covariance_floor = np.zeros((6, 6))
+        self._uncertainty = PoseUncertainty()
         self._reference_inliers = 0
         self._count = 0
         self._blind_frames = 0
@@ -145,14 +146,14 @@ class StereoSlam:
             return self._nowhere(frame, timestamp, index, f"only {n_stereo} stereo features to start from")
         if not self._has_map:
             T = make_pose(heading_to_rotation(0.0), np.zeros(3)) if self._T_start is None else self._T_start
-            return self._found(_placed(frame, T, np.zeros((6, 6))), timestamp, index, "")
+            return self._found(_placed(frame, T), timestamp, index, "")
         self._seeing_but_lost += 1
         if self._T_start is None or self._seeing_but_lost < self.settings.restart_after:
             return self._nowhere(frame, timestamp, index, "not found in the stored map yet")
         covariance = np.diag([_START_SIGMA_M**2] * 3 + [0.1] * 3)
-        self._covariance_floor = covariance
+        self._uncertainty.widen(covariance)
         reason = "not found in the stored map; odometry from the given start"
-        return self._found(_placed(frame, self._T_start, covariance), timestamp, index, reason)
+        return self._found(_placed(frame, self._T_start), timestamp, index, reason)
 
     def _follow(self, frame: ObservedFrame) -> Located | None:
         """Pose by prediction from the last frame, or None."""
@@ -183,8 +184,8 @@ class StereoSlam:
         if self._seeing_but_lost < self.settings.restart_after:
             return None, "the view matches no known place"
         self._mapper.forget()
-        self._covariance_floor = self._covariance_floor + np.diag([self._blind_m() ** 2] * 3 + [0.1] * 3)
-        return _placed(frame, self._last.T_map_cam, self._covariance_floor), "odometry started afresh after a loss"
+        self._uncertainty.widen(np.diag([self._blind_m() ** 2] * 3 + [0.1] * 3))
+        return _placed(frame, self._last.T_map_cam), "odometry started afresh after a loss"
 
     def _found(self, located: Located, timestamp: float, index: int, reason: str) -> TrackedFrame:
         follows = self._last is not None and not self._blind_frames
@@ -193,6 +194,7 @@ class StereoSlam:
         )
         self._blind_frames = self._seeing_but_lost = 0
         located = self._look_for_stored_map(located)
+        covariance = self._covariance(located, self._last if follows else None)
         self._count_sightings(located, timestamp)
         visible_id = self.landmarks.id[located.visible_row]
         if self._wants_keyframe(located):
@@ -207,12 +209,20 @@ class StereoSlam:
             state=state,
             reason=reason or why,
             T_map_cam=located.T_map_cam.copy(),
-            covariance=located.estimate.covariance + self._covariance_floor,
+            covariance=covariance,
             n_inliers=located.n_inliers,
             n_stored_inliers=located.n_stored_inliers,
             landmark_id=located.landmark_id,
             visible_id=visible_id,
         )
+
+    def _covariance(self, located: Located, before: Located | None) -> NDArray[np.float64]:
+        """The stored map holds the pose; without it the pose drifts on from that of the frame before."""
+        own = located.estimate.covariance
+        if self._has_map and located.n_stored_inliers >= self.settings.min_stored_inliers:
+            return self._uncertainty.anchor(own)
+        T_before = located.T_map_cam if before is None else before.T_map_cam
+        return self._uncertainty.move(T_before, located.T_map_cam, own)
 
     def _judge(self, located: Located) -> tuple[TrackingState, str]:
         if not self._has_map:
@@ -227,18 +237,16 @@ class StereoSlam:
             return located
         if located.n_stored_inliers >= self.settings.min_stored_inliers:
             self._unlocalized_frames = 0
-            self._covariance_floor = np.zeros((6, 6))
             return located
         self._unlocalized_frames += 1
         if self._unlocalized_frames % _RETRY_FRAMES:
             return located
-        sigma = 1.0 + float(np.sqrt(np.max(np.diag(self._covariance_floor)[:3])))
+        sigma = 1.0 + float(np.sqrt(np.max(np.diag(self._uncertainty.drift)[:3])))
         again = self._relocalizer.locate(located.frame, self._stored_rows((located.T_map_cam[:3, 3], sigma)))
         if again is None or again.n_stored_inliers < self.settings.min_stored_inliers:
             return located
         self._mapper.move(again.T_map_cam @ inverse(located.T_map_cam))
         self._unlocalized_frames = 0
-        self._covariance_floor = np.zeros((6, 6))
         return again
 
     def _lost(self, frame: ObservedFrame, timestamp: float, index: int, reason: str) -> TrackedFrame:
@@ -247,7 +255,7 @@ class StereoSlam:
         self._blind_frames += 1
         if self._velocity is not None and self._blind_frames <= _MAX_BLIND_FRAMES:
             self._last = _moved(self._last, self._last.T_map_cam @ self._velocity @ inverse(self._last.T_map_cam))
-        covariance = self._last.estimate.covariance + np.diag([self._blind_m() ** 2] * 3 + [0.1] * 3)
+        covariance = self._uncertainty.drift + np.diag([self._blind_m() ** 2] * 3 + [0.1] * 3)
         return self._without_pose(frame, timestamp, index, TrackingState.LOST, reason, self._last.T_map_cam, covariance)
 
     def _blind_m(self) -> float:
@@ -320,8 +328,8 @@ def _moved(located: Located, motion: Pose) -> Located:
     return replace(located, estimate=replace(located.estimate, T_map_cam=motion @ located.T_map_cam))
 
 
-def _placed(frame: ObservedFrame, T_map_cam: Pose, covariance: NDArray[np.float64]) -> Located:
+def _placed(frame: ObservedFrame, T_map_cam: Pose) -> Located:
     """A frame whose pose is given, with no landmarks yet."""
-    estimate = PoseEstimate(T_map_cam, covariance, np.zeros(0, np.bool_), np.zeros(0))
+    estimate = PoseEstimate(T_map_cam, np.zeros((6, 6)), np.zeros(0, np.bool_), np.zeros(0))
     none = np.full(len(frame), NO_LANDMARK, np.int64)
     return Located(frame, estimate, none, np.zeros(0, np.int64), 0, 0, 0)

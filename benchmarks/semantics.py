@@ -6,7 +6,8 @@ from collections import defaultdict
 import numpy as np
 
 from autowaze.traces import open_trace
-from autowaze.vehicle.ground import GroundGrid, GroundObserver
+from autowaze.vehicle.ground import GroundObserver
+from autowaze.vehicle.ground_grid import GroundGrid
 from autowaze.vehicle.semantics.association import associate
 from autowaze.vehicle.semantics.instance_depth import measure_depths
 from autowaze.vehicle.semantics.motion import MotionClassifier

@@ -8,10 +8,13 @@ import pytest
 import shapely
 
 from autowaze.traces import open_trace
-from autowaze.vehicle.ground import GroundGrid, GroundObserver
+from autowaze.vehicle.ground import GroundObservation, GroundObserver
+from autowaze.vehicle.ground_grid import REACH_M, GroundGrid, ground_that_matters
 from autowaze.vehicle.ground_plane import fit_ground_plane, level_plane
 from autowaze.world.camera import StereoCamera
+from autowaze.world.georeference import Georeference
 from autowaze.world.ground import CELL_M
+from autowaze.world.parking import ParkingMap, ParkingSpot
 from autowaze.world.pose import heading_to_rotation, make_pose
 
 CAMERA = StereoCamera(720.0, 720.0, 620.5, 180.0, 0.54, 1242, 376)
@@ -144,8 +147,29 @@ def test_votes_of_a_window_add_up_once_per_frame_and_cell():
     assert len(cells) == len(seen.ix)
     assert set((cells.free + cells.obstacle).tolist()) == {3}
     assert np.array_equal(np.lexsort((cells.iy, cells.ix)), np.arange(len(cells)))
-    grid.clear()
-    assert len(grid.cells()) == 0
+
+
+def test_a_window_says_of_each_cell_what_it_mostly_was_and_no_lone_noise():
+    grid = GroundGrid()
+    ix, iy = (a.ravel().astype(np.int32) for a in np.meshgrid(np.arange(-20, 20), np.arange(30)))
+    wall = iy >= 25
+    lone = (ix == 3) & (iy == 10)
+    for obstacle in (wall, wall | lone, wall | lone):
+        grid.add(GroundObservation(ix, iy, ~obstacle, obstacle, np.zeros((1, 1), np.float32), HALF, None))
+    classes = grid.classes()
+    assert set((classes.free + classes.obstacle).tolist()) == {1}
+    assert not classes.obstacle[classes.iy < 24].any() and classes.obstacle[classes.iy > 25].all()
+
+
+def test_only_the_ground_at_spots_is_told_of_where_they_are_known():
+    spots = ParkingMap((ParkingSpot("A", shapely.box(0.0, 0.0, 5.0, 2.0)),), Georeference(49.0, 8.4))
+    grid = GroundGrid(ground_that_matters(spots))
+    ix, iy = (a.ravel().astype(np.int32) for a in np.meshgrid(np.arange(-80, 80), np.arange(-80, 80)))
+    free = np.ones(len(ix), bool)
+    grid.add(GroundObservation(ix, iy, free, ~free, np.zeros((1, 1), np.float32), HALF, None))
+    x, y = grid.classes().centre.T
+    assert len(x) > 0
+    assert (x > -REACH_M).all() and (x < 5 + REACH_M).all() and (y > -REACH_M).all() and (y < 2 + REACH_M).all()
 
 
 def test_cells_west_and_south_of_the_origin_are_kept_apart():

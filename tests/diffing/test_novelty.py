@@ -12,7 +12,13 @@ NOTHING = np.zeros((0, 3))
 
 
 def candidates(
-    n: int, label: ClassLabel, instance: int = 0, found: int = 10, sigma: float = 0.1, deviation: float = 0.0
+    n: int,
+    label: ClassLabel,
+    instance: int = 0,
+    found: int = 10,
+    sigma: float = 0.1,
+    deviation: float = 0.0,
+    wanted: int | None = None,
 ) -> Candidates:
     rng = np.random.default_rng(n)
     return Candidates(
@@ -21,6 +27,7 @@ def candidates(
         label=np.full(n, label, np.uint8),
         instance=np.full(n, instance),
         found=np.full(n, found),
+        wanted=np.full(n, found if wanted is None else wanted),
         depth_sigma_m=np.full(n, sigma),
         deviation_m=np.full(n, deviation),
     )
@@ -72,3 +79,10 @@ def test_a_tight_budget_keeps_the_best_seen_spread_in_space() -> None:
     chosen = new_features(both, NOBODY, NOTHING, NOTHING, SETTINGS, byte_budget=43 * 20)
     assert len(chosen) == 20
     assert 500 in chosen  # the only one of its place, though seen less often
+
+
+def test_where_the_map_suffices_standing_features_are_no_news_but_vehicles_are() -> None:
+    standing = candidates(50, ClassLabel.BACKGROUND, wanted=0)
+    assert len(new_features(standing, NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)) == 0
+    parked = candidates(50, ClassLabel.CAR, instance=4, wanted=0)
+    assert len(new_features(parked, NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)) == 50

@@ -57,8 +57,8 @@ def random_diff(
         ground=GroundCells(
             ix=(flat % 200 - 100).astype(np.int32),
             iy=(flat // 200 - 100).astype(np.int32),
-            free=rng.integers(0, 30, len(flat)).astype(np.uint16),
-            obstacle=rng.integers(0, 30, len(flat)).astype(np.uint16),
+            free=(flat % 3 > 0).astype(np.uint16),
+            obstacle=(flat % 3 == 0).astype(np.uint16),
         ),
         traffic=Traffic(
             id=np.array([4, 11], dtype=np.int32),

@@ -27,6 +27,7 @@ from autowaze.cli.remote_drive import (
     downlink_from,
     first_map,
     in_the_services_frame,
+    known_spots,
     show_arrivals,
     uplink_to,
 )
@@ -91,7 +92,7 @@ def drive(
         remote = RemoteCloud(cloud_url, service, token)
         stored = load_map(stored_map) if stored_map else first_map(remote, source)
         begin = in_the_services_frame(starting_point(source, parking_map(spots), start), stored)
-        node = VehicleNode(source.camera, segmenter(model), stored_map=stored, start=begin)
+        node = VehicleNode(source.camera, segmenter(model), stored_map=stored, start=begin, spots=known_spots(remote))
         with (
             OverlayVideo.open(video) as overlays,
             uplink_to(remote, outbox) as uplink,
@@ -110,7 +111,11 @@ def drive(
     base_map = load_map(stored_map) if stored_map else None
     cloud = CloudService(marked_spots, method=method, base_map=base_map)
     node = VehicleNode(
-        source.camera, segmenter(model), stored_map=base_map, start=starting_point(source, marked_spots, start)
+        source.camera,
+        segmenter(model),
+        stored_map=base_map,
+        start=starting_point(source, marked_spots, start),
+        spots=marked_spots,
     )
     with OverlayVideo.open(video) as overlays:
         record = run_drive(source, node, cloud.receive, show_progress, overlays.add)

@@ -120,7 +120,8 @@ def accuracy(
     for path, spot_file, truth_file in zip(traces, spot_files, truth_files, strict=True):
         source, parking = opened(path, cameras, frames), ParkingMap.from_geojson(spot_file)
         clouds = {name: CloudService(parking, method=name) for name in methods}
-        node = VehicleNode(source.camera, network, start=starting_point(source, parking, start), session=1)
+        begin = starting_point(source, parking, start)
+        node = VehicleNode(source.camera, network, start=begin, session=1, spots=parking)
         run_drive(source, node, _for_all(list(clouds.values())), show_progress)
         for name, cloud in clouds.items():
             counts = confusion(cloud.states, read_truth(truth_file))
@@ -155,7 +156,8 @@ def latency(
     for path, spot_file in zip(traces, spot_files, strict=True):
         source, parking = opened(path, cameras, frames), ParkingMap.from_geojson(spot_file)
         cloud = CloudService(parking, method=method)
-        node = VehicleNode(source.camera, network, start=starting_point(source, parking, start), session=1)
+        begin = starting_point(source, parking, start)
+        node = VehicleNode(source.camera, network, start=begin, session=1, spots=parking)
         record = run_drive(source, node, cloud.receive, show_progress)
         results[source.name] = {**latency_metrics(record, node, cloud), **network_metrics(record)}
     _deliver("latency", {"traces": [str(p) for p in traces], "model": str(model)}, results, json_file)

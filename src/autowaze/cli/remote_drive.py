@@ -12,7 +12,7 @@ from pathlib import Path
 from autowaze.cli.options import console
 from autowaze.traces import Trace
 from autowaze.vehicle.connection import CloudConnection
-from autowaze.vehicle.downlink import Arrivals, LiveDownlink, fetch_map, fetch_map_around
+from autowaze.vehicle.downlink import Arrivals, LiveDownlink, fetch_map, fetch_map_around, fetch_spots
 from autowaze.vehicle.node import StartingPoint
 from autowaze.vehicle.outbox import Outbox
 from autowaze.vehicle.tile_follower import TileFollower
@@ -20,6 +20,7 @@ from autowaze.vehicle.transports import public_address, service_address, transpo
 from autowaze.vehicle.uplink import Uplink
 from autowaze.vehicle.vacant_spots import in_words
 from autowaze.world.feature_map import FeatureMap
+from autowaze.world.parking import ParkingMap
 
 PATIENCE_S = 30.0
 """How long a finished drive waits for its last diffs to be acknowledged."""
@@ -61,6 +62,14 @@ def first_map(cloud: RemoteCloud, source: Trace) -> FeatureMap:
         feature_map = fetch_map(connection) if fix is None else fetch_map_around(connection, fix)
         console.print(f"{connection.url}: map of version {feature_map.version}, {len(feature_map):,} features")
     return feature_map
+
+
+def known_spots(cloud: RemoteCloud) -> ParkingMap | None:
+    """Where the service has spots: the car need not tell of the ground elsewhere."""
+    if not cloud.has_service:
+        return None
+    with cloud.connect() as connection:
+        return fetch_spots(connection)
 
 
 def in_the_services_frame(start: StartingPoint, feature_map: FeatureMap) -> StartingPoint:

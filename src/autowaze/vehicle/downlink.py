@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import random
 import threading
@@ -21,13 +22,31 @@ from autowaze.world.feature_map import FeatureMap
 from autowaze.world.frame import GnssFix
 from autowaze.world.georeference import Georeference
 from autowaze.world.map_update import MapUpdate
+from autowaze.world.parking import ParkingMap
 from autowaze.world.wire import MAX_MAP_BYTES, decode_map, decode_map_update
 
+MAX_SPOTS_BYTES = 1 << 26
+"""Of a parking map: a city of 100,000 spots."""
 FIRST_WAIT_S, LONGEST_WAIT_S = 2.0, 60.0
 CLOSE_S = 5.0
 """How long the end of a drive waits for an answer that is under way."""
 
 _log = logging.getLogger(__name__)
+
+
+def fetch_spots(connection: CloudConnection) -> ParkingMap | None:
+    """Where the service has parking spots; None if it cannot tell, and the car does without.
+
+    Raises:
+        UnreachableError: the service does not answer.
+    """
+    reply = connection.get("/parking_map.geojson", MAX_SPOTS_BYTES)
+    try:
+        expect_ok(reply, f"{connection.url}/parking_map.geojson")
+        return ParkingMap.from_document(json.loads(reply.body), connection.url)
+    except (AutowazeError, ValueError, RecursionError) as error:
+        _log.warning("the ground is told of everywhere: %s", error)
+        return None
 
 
 @dataclass(frozen=True)

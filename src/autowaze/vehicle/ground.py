@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from autowaze.vehicle.ground_plane import GroundPlane, fit_ground_plane, level_plane
 from autowaze.world.camera import StereoCamera
 from autowaze.world.frame import Image, StereoFrame
-from autowaze.world.ground import CELL_M, GroundCells
+from autowaze.world.ground import CELL_M
 from autowaze.world.pose import Pose
 
 
@@ -115,38 +115,6 @@ class GroundObserver:
         small = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
         grown = cv2.dilate(small, np.ones((5, 5), np.uint8)) > 0
         return np.where(grown, np.float32(-1), disparity)
-
-
-class GroundGrid:
-    """Votes of the frames of a window."""
-
-    def __init__(self) -> None:
-        self._cells = GroundCells.empty()
-
-    def add(self, observation: GroundObservation) -> None:
-        """Count one frame's cells."""
-        seen = GroundCells(
-            observation.ix, observation.iy, observation.free.astype(np.uint16), observation.obstacle.astype(np.uint16)
-        )
-        self._cells = _merge(GroundCells.concatenate([self._cells, seen]))
-
-    def cells(self) -> GroundCells:
-        """Votes so far, sorted by ix, then iy."""
-        return self._cells
-
-    def clear(self) -> None:
-        """Start the next window."""
-        self._cells = GroundCells.empty()
-
-
-def _merge(cells: GroundCells) -> GroundCells:
-    """One row per cell, votes added."""
-    key = (cells.ix.astype(np.int64) << 32) | (cells.iy.astype(np.int64) & 0xFFFFFFFF)
-    unique, first, inverse = np.unique(key, return_index=True, return_inverse=True)
-    free = np.bincount(inverse, cells.free, len(unique)).astype(np.uint16)
-    obstacle = np.bincount(inverse, cells.obstacle, len(unique)).astype(np.uint16)
-    merged = GroundCells(cells.ix[first], cells.iy[first], free, obstacle)
-    return merged[np.lexsort((merged.iy, merged.ix))]
 
 
 def _matcher(n_disparities: int) -> cv2.StereoSGBM:

@@ -31,6 +31,7 @@ from autowaze.world.identity import ROW_BITS, SEQUENCE_BITS, SESSION_BITS
 from autowaze.world.instances import Detections, Tracks
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.map_update import MapUpdate
+from autowaze.world.parking import ParkingMap
 from autowaze.world.pose import Pose, heading_to_rotation, inverse, make_pose
 from autowaze.world.stage_times import StageTimes
 
@@ -71,7 +72,11 @@ class Extractor(Protocol):
 
 
 class VehicleNode:
-    """One car: feed it frames, send the diffs that it returns."""
+    """One car: feed it frames, send the diffs that it returns.
+
+    Args:
+        spots: where people park: the car tells of the ground there alone, and of all the ground if it does not know.
+    """
 
     def __init__(
         self,
@@ -82,6 +87,7 @@ class VehicleNode:
         start: StartingPoint | None = None,
         session: int | None = None,
         extractor: Extractor | None = None,
+        spots: ParkingMap | None = None,
     ) -> None:
         self.camera = camera
         self.settings = settings or NodeSettings()
@@ -92,6 +98,7 @@ class VehicleNode:
         self.times = StageTimes()
         self.observation: FrameObservation | None = None
         self._start = start or StartingPoint()
+        self._spots = spots
         self._extractor = extractor or FeatureExtractor(camera)
         self._perception = SemanticPerception(segmenter, self.settings.segment_every, camera)
         self._motion = MotionClassifier(camera)
@@ -174,7 +181,9 @@ class VehicleNode:
         # Features without descriptor are for the diff, nobody can localise by them.
         localizing = FeatureMap(stored.features[stored.features.described], stored.georeference) if stored else None
         self.slam = StereoSlam(self.camera, stored_map=localizing, T_map_start=T_start, position_prior=prior)
-        self.window = DiffWindow(self.camera, self.session, self.settings.diff, stored, self.georeference)
+        self.window = DiffWindow(
+            self.camera, self.session, self.settings.diff, stored, self.georeference, self._spots
+        )
 
     def _closed_window(self) -> SemanticMapDiff:
         """The window's diff; the next one may be of another session."""

@@ -1,8 +1,9 @@
 """Integers and unit vectors as small byte strings.
 
-A column is one byte that says how it is packed, then the values: optionally as differences, zigzag-coded, in the
-fewest bytes that hold the largest, byte plane by byte plane (which zstd then compresses well). Readers check every
-length before they allocate, so that bytes from a stranger cost no more than they weigh.
+A column is one byte that says how it is packed, then the values, zigzag-coded, in the fewest bytes that hold the
+largest, byte plane by byte plane (which zstd then compresses well); or the first value and, packed so, the differences
+that follow. Readers check every length before they allocate, so that bytes from a stranger cost no more than they
+weigh.
 """
 
 from __future__ import annotations
@@ -22,12 +23,16 @@ def pack_integers(values: ArrayLike, delta: bool = False) -> bytes:
     column = np.asarray(values, dtype=np.int64)
     if len(column) == 0:
         return b""
-    if delta:
-        column = np.diff(column, prepend=np.int64(0))
+    if not delta:
+        return _planes(column, 0)
+    return _planes(column[:1], _DELTA) + _planes(np.diff(column), 0)
+
+
+def _planes(column: NDArray[np.int64], flags: int) -> bytes:
+    """How many byte planes there are, with flags, and the planes."""
     zigzag = ((column << 1) ^ (column >> 63)).astype(np.uint64)
-    width = (int(zigzag.max()).bit_length() + 7) // 8
-    planes = zigzag.astype("<u8").view(np.uint8).reshape(-1, 8)[:, :width].T
-    return bytes([width | (_DELTA if delta else 0)]) + planes.tobytes()
+    width = (int(zigzag.max(initial=0)).bit_length() + 7) // 8
+    return bytes([width | flags]) + zigzag.astype("<u8").view(np.uint8).reshape(-1, 8)[:, :width].T.tobytes()
 
 
 def unpack_integers(data: bytes, count: int, low: int, high: int, what: str) -> NDArray[np.int64]:
@@ -40,29 +45,45 @@ def unpack_integers(data: bytes, count: int, low: int, high: int, what: str) -> 
         if data:
             raise WireError(f"{what}: {len(data)} bytes for no values")
         return np.zeros(0, np.int64)
-    width = data[0] & _WIDTH_MASK if data else -1
-    if not data or width > 8 or data[0] & ~(_WIDTH_MASK | _DELTA) or len(data) != 1 + width * count:
+    first, rows = 0, count
+    if data and data[0] & _DELTA:
+        after = 1 + (data[0] & _WIDTH_MASK)
+        zigzag = int.from_bytes(data[1:after], "little")
+        first, rows, rest = (zigzag >> 1) ^ -(zigzag & 1), count - 1, data[after:]
+        delta = True
+    else:
+        rest, delta = data, False
+    width = rest[0] if rest else -1
+    if not 0 <= width <= 8 or len(rest) != 1 + width * rows or not -(1 << 63) <= first < 1 << 63:
         raise WireError(f"{what}: {len(data)} bytes do not hold {count} values")
     column: NDArray[np.int64]
-    column, smallest, largest = _unpacked(np.frombuffer(data, np.uint8, offset=1), width, count, data[0] & _DELTA)
+    column, smallest, largest = _unpacked(np.frombuffer(rest, np.uint8, offset=1), width, count, delta, first)
     if smallest < low or largest > high:
         raise WireError(f"{what}: a value lies outside {low}..{high}")
     return column
 
 
-@njit("Tuple((int64[::1], int64, int64))(Array(uint8, 1, 'C', readonly=True), int64, int64, int64)", cache=True)
-def _unpacked(planes, width, count, delta):  # type: ignore[no-untyped-def]
-    """Values (count,) of zigzag byte planes, lowest byte first; the smallest and the largest."""
+@njit(
+    "Tuple((int64[::1], int64, int64))(Array(uint8, 1, 'C', readonly=True), int64, int64, boolean, int64)", cache=True
+)
+def _unpacked(planes, width, count, delta, first):  # type: ignore[no-untyped-def]
+    """Values (count,) of zigzag byte planes, lowest byte first, and of a first value where they are differences.
+
+    With the smallest and the largest of them.
+    """
     column = np.empty(count, np.int64)
-    total = np.int64(0)
+    total = first
     smallest, largest = np.int64(np.iinfo(np.int64).max), np.int64(np.iinfo(np.int64).min)
-    for row in range(count):
+    rows = count - 1 if delta else count
+    if delta:
+        column[0] = smallest = largest = first
+    for row in range(rows):
         zigzag = np.uint64(0)
         for plane in range(width):
-            zigzag |= np.uint64(planes[plane * count + row]) << np.uint64(8 * plane)
+            zigzag |= np.uint64(planes[plane * rows + row]) << np.uint64(8 * plane)
         value = np.int64(zigzag >> np.uint64(1)) ^ -np.int64(zigzag & np.uint64(1))
         total = total + value if delta else value  # wraps, as the sums of two's complement do
-        column[row] = total
+        column[count - rows + row] = total
         smallest, largest = min(smallest, total), max(largest, total)
     return column, smallest, largest
 

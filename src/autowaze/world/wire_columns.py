@@ -21,9 +21,9 @@ from autowaze.world.ground import GroundCells
 from autowaze.world.identity import MAX_INSTANCE
 from autowaze.world.labels import ClassLabel
 from autowaze.world.map_diff import InstanceSummaries, Traffic, Trajectory
+from autowaze.world.raster_codec import BLOCK, MAX_SQUARES, pack_classes, unpack_classes
 
 MAX_WINDOW_S = 3600.0
-_MAX_GROUND_CELLS = 1 << 16
 _MAX_INSTANCES = 1 << 12
 _MAX_TRAJECTORY_POINTS = 1 << 12
 _MAX_COORDINATE_CM = 20_000_000  # 200 km: beyond that a tangent plane is no map
@@ -145,26 +145,30 @@ def decode_instances(message: pb.Instances) -> InstanceSummaries:
 
 
 def encode_ground(ground: GroundCells) -> pb.Ground:
-    """Columns of ground."""
-    cells = ground[np.lexsort((ground.ix, ground.iy))]
-    return pb.Ground(
-        count=len(cells),
-        ix=pack_integers(cells.ix, delta=True),
-        iy=pack_integers(cells.iy, delta=True),
-        free=pack_integers(cells.free),
-        obstacle=pack_integers(cells.obstacle),
-    )
+    """The cells as a grid of classes: of each only which it was in more frames, free or obstacle, travels."""
+    if len(ground) == 0:
+        return pb.Ground()
+    x, y = (int(column.min()) // BLOCK for column in (ground.ix, ground.iy))
+    columns, rows = int(ground.ix.max()) // BLOCK + 1 - x, int(ground.iy.max()) // BLOCK + 1 - y
+    if columns * rows > MAX_SQUARES:
+        raise WireError(f"ground of {columns} by {rows} squares, {MAX_SQUARES} is the limit: use shorter windows")
+    grid = np.zeros((rows * BLOCK, columns * BLOCK), np.uint8)
+    grid[ground.iy - y * BLOCK, ground.ix - x * BLOCK] = np.where(ground.obstacle >= np.maximum(ground.free, 1), 2, 1)
+    return pb.Ground(x=x, y=y, columns=columns, rows=rows, cells=pack_classes(grid))
 
 
 def decode_ground(message: pb.Ground) -> GroundCells:
-    """Checked ground of a message; raises `WireError`."""
-    n = bounded_count(message.count, _MAX_GROUND_CELLS, "ground")
-    return GroundCells(
-        ix=unpack_integers(message.ix, n, -_MAX_CELL, _MAX_CELL, "ground.ix").astype(np.int32),
-        iy=unpack_integers(message.iy, n, -_MAX_CELL, _MAX_CELL, "ground.iy").astype(np.int32),
-        free=unpack_integers(message.free, n, 0, 0xFFFF, "ground.free").astype(np.uint16),
-        obstacle=unpack_integers(message.obstacle, n, 0, 0xFFFF, "ground.obstacle").astype(np.uint16),
-    )
+    """Checked ground of a message, one vote per cell; raises `WireError`."""
+    if max(message.columns, message.rows) > MAX_SQUARES:  # before they are multiplied
+        raise WireError(f"ground: {message.columns} by {message.rows} squares are no grid")
+    x, y = message.x * BLOCK, message.y * BLOCK
+    if not (abs(x) <= _MAX_CELL and abs(y) <= _MAX_CELL):
+        raise WireError("ground: it lies outside of the map frame")
+    grid = unpack_classes(message.cells, message.rows * BLOCK, message.columns * BLOCK, "ground")
+    iy, ix = np.nonzero(grid)
+    obstacle = grid[iy, ix] > 1
+    votes = (~obstacle).astype(np.uint16), obstacle.astype(np.uint16)
+    return GroundCells((ix + x).astype(np.int32), (iy + y).astype(np.int32), *votes)
 
 
 def encode_traffic(traffic: Traffic) -> pb.Traffic:

@@ -151,29 +151,34 @@ global___Instances = Instances
 
 @typing.final
 class Ground(google.protobuf.message.Message):
+    """A grid of cells of 0.25 m: unseen, free or obstacle."""
+
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
-    COUNT_FIELD_NUMBER: builtins.int
-    IX_FIELD_NUMBER: builtins.int
-    IY_FIELD_NUMBER: builtins.int
-    FREE_FIELD_NUMBER: builtins.int
-    OBSTACLE_FIELD_NUMBER: builtins.int
-    count: builtins.int
-    ix: builtins.bytes
-    """cells of 0.25 m, sorted by iy, ix"""
-    iy: builtins.bytes
-    free: builtins.bytes
-    obstacle: builtins.bytes
+    X_FIELD_NUMBER: builtins.int
+    Y_FIELD_NUMBER: builtins.int
+    COLUMNS_FIELD_NUMBER: builtins.int
+    ROWS_FIELD_NUMBER: builtins.int
+    CELLS_FIELD_NUMBER: builtins.int
+    x: builtins.int
+    """of its south-west corner, in squares of 16 x 16 cells"""
+    y: builtins.int
+    columns: builtins.int
+    """squares from west to east"""
+    rows: builtins.int
+    """and from south to north"""
+    cells: builtins.bytes
+    """arithmetic-coded"""
     def __init__(
         self,
         *,
-        count: builtins.int = ...,
-        ix: builtins.bytes = ...,
-        iy: builtins.bytes = ...,
-        free: builtins.bytes = ...,
-        obstacle: builtins.bytes = ...,
+        x: builtins.int = ...,
+        y: builtins.int = ...,
+        columns: builtins.int = ...,
+        rows: builtins.int = ...,
+        cells: builtins.bytes = ...,
     ) -> None: ...
-    def ClearField(self, field_name: typing.Literal["count", b"count", "free", b"free", "ix", b"ix", "iy", b"iy", "obstacle", b"obstacle"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["cells", b"cells", "columns", b"columns", "rows", b"rows", "x", b"x", "y", b"y"]) -> None: ...
 
 global___Ground = Ground
 

@@ -25,7 +25,7 @@ from autowaze.evaluation.network import network_metrics
 from autowaze.simulator import StreetDescription, record
 from autowaze.traces import open_trace
 from autowaze.vehicle.connection import CloudConnection
-from autowaze.vehicle.downlink import LiveDownlink, fetch_map_around
+from autowaze.vehicle.downlink import LiveDownlink, fetch_map_around, fetch_spots
 from autowaze.vehicle.node import StartingPoint, VehicleNode
 from autowaze.vehicle.outbox import Outbox
 from autowaze.vehicle.semantics.no_segmentation import NoSegmentation
@@ -137,10 +137,11 @@ def drive(folder: Path, url: str, outbox: Path, model: str, is_paced: bool, name
     if fix is None:
         raise AutowazeError(f"{folder}: the car does not know where it is: no GNSS fix")
     with CloudConnection(url) as connection:
-        stored = fetch_map_around(connection, fix)
+        stored, spots = fetch_map_around(connection, fix), fetch_spots(connection)
     georeference = stored.georeference
     assert georeference is not None  # of a map that came from a service
-    node = VehicleNode(trace.camera, _segmenter(model), stored_map=stored, start=StartingPoint(georeference))
+    start = StartingPoint(georeference)
+    node = VehicleNode(trace.camera, _segmenter(model), stored_map=stored, start=start, spots=spots)
     follower_connection = CloudConnection(url)
     follower = TileFollower(follower_connection, georeference, stored)
     with (

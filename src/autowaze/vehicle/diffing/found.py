@@ -24,14 +24,17 @@ class FoundLandmarks:
     def __init__(self, camera: StereoCamera) -> None:
         self.camera = camera
         self._found = Tally()
+        self._wanted = Tally()
         self._depths: list[NDArray[np.float64]] = []
         self._places: list[NDArray[np.float64]] = []
 
-    def add(self, tracked: TrackedFrame, features: CameraFeatures) -> None:
+    def add(self, tracked: TrackedFrame, features: CameraFeatures, map_is_thin: bool = True) -> None:
         """Landmarks that the frame matched, with the label, instance and place that their features have."""
         hit = tracked.landmark_id >= 0
         label_and_instance = (features.instance_id[hit].astype(np.int64) << _LABEL_BITS) | features.label[hit]
         self._found.add(tracked.landmark_id[hit], label_and_instance)
+        if map_is_thin:
+            self._wanted.add(tracked.landmark_id[hit])
         self._depths.append(np.nan_to_num(features.depth[hit].astype(np.float64), nan=_NO_DEPTH_M))
         self._places.append(transform(tracked.T_map_cam, features.position_cam[hit]))
 
@@ -40,6 +43,7 @@ class FoundLandmarks:
         ids, found = self._found.counts()
         depth, place = self._nearest_observations()
         label_and_instance = self._found.majority()[1]
+        wanted = _counts_of(ids, *self._wanted.counts())
         rows = landmarks.rows(ids)
         keep = (rows >= 0) & ~np.isin(ids, sent)
         keep[keep] = landmarks.map_id[rows[keep]] == 0
@@ -50,6 +54,7 @@ class FoundLandmarks:
             label=(label_and_instance[keep] & ((1 << _LABEL_BITS) - 1)).astype(np.uint8),
             instance=label_and_instance[keep] >> _LABEL_BITS,
             found=found[keep],
+            wanted=wanted[keep],
             depth_sigma_m=depth[keep] ** 2 * _STEREO_SIGMA_PX / self.camera.bf,
             deviation_m=np.linalg.norm(position - place[keep], axis=1),
         )
@@ -63,3 +68,11 @@ class FoundLandmarks:
         order = np.lexsort((depth, ids))
         nearest = order[np.r_[True, np.diff(ids[order]) != 0]]
         return depth[nearest], np.concatenate(self._places)[nearest]
+
+
+def _counts_of(ids: NDArray[np.int64], counted: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The count (N,) of each id, 0 for those that were not counted; `counted` is sorted."""
+    if len(counted) == 0:
+        return np.zeros(len(ids), np.int64)
+    row = np.searchsorted(counted, ids).clip(max=len(counted) - 1)
+    return np.where(counted[row] == ids, counts[row], 0)

@@ -27,6 +27,7 @@ class Candidates:
         position: (N, 3) float64, metres, map frame.
         label: (N,) uint8, majority over the window; instance: (N,) int64 likewise, 0 for none.
         found: (N,) int64, frames that matched it.
+        wanted: (N,) int64, those of them that found too little of the stored map.
         depth_sigma_m: (N,) float64, of its nearest observation.
         deviation_m: (N,) float64, how far its position lies from where that observation saw it.
     """
@@ -36,6 +37,7 @@ class Candidates:
     label: NDArray[np.uint8]
     instance: NDArray[np.int64]
     found: NDArray[np.int64]
+    wanted: NDArray[np.int64]
     depth_sigma_m: NDArray[np.float64]
     deviation_m: NDArray[np.float64]
 
@@ -59,9 +61,10 @@ def new_features(
         byte_budget: what the features may take on the wire.
     """
     movable = is_movable(candidates.label)
-    enough = np.where(movable, settings.min_found_vehicle, settings.min_found_static)
     eligible = (
-        (candidates.found >= enough)
+        np.where(
+            movable, candidates.found >= settings.min_found_vehicle, candidates.wanted >= settings.min_found_static
+        )
         & (candidates.depth_sigma_m <= settings.max_depth_sigma_m)
         & (candidates.deviation_m <= _SIGMAS * candidates.depth_sigma_m + settings.max_depth_sigma_m)
         & ~np.isin(candidates.instance, moving_instances[moving_instances != 0])

@@ -30,6 +30,8 @@ class DiffSettings(BaseModel):
         known_radius_m: a vehicle feature this near to a stored one of the same place is no news.
         spread_m: static features are spread over cells of this edge before the best-seen are kept; one this near to a
             stored one is no news.
+        enough_stored: a frame that finds so many standing features of the map needs no more of them there: what only
+            such frames saw is no news. Three times what a pose needs to be sure of itself.
         trajectory_interval_s: time between points of the trajectory.
     """
 
@@ -52,4 +54,5 @@ class DiffSettings(BaseModel):
     max_diff_bytes: int = Field(default=55_000, ge=2000)
     known_radius_m: float = Field(default=0.35, gt=0)
     spread_m: float = Field(default=0.5, gt=0)
+    enough_stored: int = Field(default=150, ge=0)
     trajectory_interval_s: float = Field(default=1.0, gt=0)

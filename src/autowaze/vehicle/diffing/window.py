@@ -13,7 +13,8 @@ from autowaze.vehicle.diffing.novelty import new_features
 from autowaze.vehicle.diffing.removal import LookedFor, removed_features
 from autowaze.vehicle.diffing.settings import DiffSettings
 from autowaze.vehicle.diffing.stored_watch import StoredFeatureWatch
-from autowaze.vehicle.ground import GroundGrid, GroundObservation
+from autowaze.vehicle.ground import GroundObservation
+from autowaze.vehicle.ground_grid import GroundGrid, ground_that_matters
 from autowaze.vehicle.semantics.motion import Motions
 from autowaze.vehicle.slam.landmarks import Landmarks
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
@@ -24,12 +25,13 @@ from autowaze.world.features import CameraFeatures
 from autowaze.world.georeference import Georeference
 from autowaze.world.identity import MAX_FEATURES_PER_DIFF, MAX_SEQUENCE, feature_ids, instance_keys
 from autowaze.world.instances import Tracks
-from autowaze.world.labels import is_vehicle
+from autowaze.world.labels import is_movable, is_vehicle
 from autowaze.world.map_diff import SemanticMapDiff, Trajectory
+from autowaze.world.parking import ParkingMap
 from autowaze.world.pose import heading_of
 
 _NEAR_PATH_M = 60.0
-_BYTES_PER_CELL, _BYTES_OF_THE_REST = 1, 1500  # on the wire: ground, instances, traffic, path
+_CELLS_PER_BYTE, _BYTES_OF_THE_REST = 8, 1000  # on the wire: ground; instances, traffic, path
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,7 @@ class DiffWindow:
         settings: DiffSettings,
         stored_map: FeatureMap | None = None,
         georeference: Georeference | None = None,
+        spots: ParkingMap | None = None,
     ) -> None:
         self.camera = camera
         self.session = session
@@ -68,6 +71,9 @@ class DiffWindow:
         self._sent = np.zeros(0, np.int64)
         self._removed = np.zeros(0, np.uint64)
         self.looked_for = LookedFor.empty()
+        # A parking map in another frame says nothing of where the spots are.
+        here = spots is not None and spots.spots and spots.georeference == georeference
+        self._ground_area = ground_that_matters(spots) if spots is not None and here else None
         self._open()
 
     @property
@@ -109,7 +115,7 @@ class DiffWindow:
         if not tracked.is_trustworthy:
             return
         self._note_path(tracked)
-        self._found.add(tracked, observation.features)
+        self._found.add(tracked, observation.features, self._is_map_thin(tracked, observation.features, landmarks))
         self._instances.add(observation.tracks, observation.motions, tracked.T_map_cam)
         if observation.ground is not None:
             self._ground.add(observation.ground)
@@ -122,7 +128,8 @@ class DiffWindow:
         """The window's diff; the next window opens."""
         removed = self._removed_ids(landmarks)
         self._removed = np.union1d(self._removed, removed)
-        new, sent = self._new_features(landmarks)
+        ground = self._ground.classes()
+        new, sent = self._new_features(landmarks, len(ground))
         self._sent = np.union1d(self._sent, sent)
         positions = self._path_positions()
         diff = SemanticMapDiff(
@@ -138,7 +145,7 @@ class DiffWindow:
             new=new,
             removed=removed,
             instances=self._instances.summaries(np.unique(new.instance_key)),
-            ground=self._ground.cells(),
+            ground=ground,
             traffic=self._instances.traffic(),
             trajectory=positions,
         )
@@ -155,7 +162,7 @@ class DiffWindow:
         self._localized = 0
         self._found = FoundLandmarks(self.camera)
         self._stored_watch = StoredFeatureWatch(self._stored.features, self.settings.known_radius_m)
-        self._ground = GroundGrid()
+        self._ground = GroundGrid(self._ground_area)
         self._instances = InstanceRecord(self.session)
 
     def _note_path(self, tracked: TrackedFrame) -> None:
@@ -168,6 +175,13 @@ class DiffWindow:
             return Trajectory.empty()
         times, positions, headings = zip(*self._path, strict=True)
         return Trajectory(np.array(times), np.array(positions), np.array(headings, dtype=np.float32))
+
+    def _is_map_thin(self, tracked: TrackedFrame, features: CameraFeatures, landmarks: Landmarks) -> bool:
+        """Whether a frame found fewer standing features of the stored map than others need to localise well."""
+        standing = tracked.landmark_id[~is_movable(features.label)]
+        rows = landmarks.rows(standing[standing >= 0])
+        stored = int((landmarks.map_id[rows[rows >= 0]] > 0).sum())
+        return stored < self.settings.enough_stored
 
     def _can_judge(self, tracked: TrackedFrame) -> bool:
         return (
@@ -183,13 +197,13 @@ class DiffWindow:
         removed = seen.map_id[removed_features(seen, self.settings)]
         return np.setdiff1d(removed, self._removed)
 
-    def _new_features(self, landmarks: Landmarks) -> tuple[MapFeatures, NDArray[np.int64]]:
+    def _new_features(self, landmarks: Landmarks, n_cells: int) -> tuple[MapFeatures, NDArray[np.int64]]:
         """New features in wire order, and the landmarks that they are."""
         candidates = self._found.candidates(landmarks, self._sent)
         stored = self._stored.features[self._near_path(self._stored.features)]
         stored = stored[~np.isin(stored.id, self._removed)]
         vehicle = is_vehicle(stored.label)
-        budget = self.settings.max_diff_bytes - _BYTES_OF_THE_REST - _BYTES_PER_CELL * len(self._ground.cells())
+        budget = self.settings.max_diff_bytes - _BYTES_OF_THE_REST - n_cells // _CELLS_PER_BYTE
         chosen = new_features(
             candidates,
             self._instances.moving_ids(),

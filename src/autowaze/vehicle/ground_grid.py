@@ -1,0 +1,105 @@
+"""The ground that a window saw: votes of its frames, and what they come to."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from autowaze.vehicle.ground import GroundObservation
+from autowaze.world.ground import GroundCells
+from autowaze.world.parking import ParkingMap
+from autowaze.world.raster_codec import BLOCK, MAX_SEEN_SQUARES, MAX_SQUARES
+
+REACH_M = 0.5
+"""Ground so near to a spot is told of: a spot may be drawn, and a car localised, that far off."""
+_MOST_CELLS_ACROSS = BLOCK * int(np.sqrt(MAX_SQUARES))
+
+
+class GroundGrid:
+    """Votes of the frames of a window.
+
+    Args:
+        area: where anybody wants to know of the ground, map metres; None for everywhere.
+    """
+
+    def __init__(self, area: shapely.Geometry | None = None) -> None:
+        self._area = area
+        self._cells = GroundCells.empty()
+
+    def add(self, observation: GroundObservation) -> None:
+        """Count one frame's cells."""
+        seen = GroundCells(
+            observation.ix, observation.iy, observation.free.astype(np.uint16), observation.obstacle.astype(np.uint16)
+        )
+        self._cells = _merge(GroundCells.concatenate([self._cells, seen]))
+
+    def cells(self) -> GroundCells:
+        """Votes so far, sorted by ix, then iy."""
+        return self._cells
+
+    def classes(self) -> GroundCells:
+        """One vote per cell of the area: what most of the 3 by 3 cells around it were to most frames.
+
+        A lone cell that differs from all around it is noise of stereo, and noise is what costs bytes.
+        """
+        cells = self._cells
+        if len(cells) == 0:
+            return cells
+        x, y = int(cells.ix.min()), int(cells.iy.min())
+        shape = int(cells.iy.max()) - y + 1, int(cells.ix.max()) - x + 1
+        if max(shape) > _MOST_CELLS_ACROSS - 2 * BLOCK:
+            cells = _around_the_middle(cells)
+            x, y = int(cells.ix.min()), int(cells.iy.min())
+            shape = int(cells.iy.max()) - y + 1, int(cells.ix.max()) - x + 1
+        grid = np.zeros(shape, np.uint8)
+        grid[cells.iy - y, cells.ix - x] = np.where(cells.obstacle >= np.maximum(cells.free, 1), 2, 1)
+        around = [cv2.boxFilter((grid == k).astype(np.uint8), -1, (3, 3), normalize=False) for k in range(3)]
+        smooth = np.argmax(np.stack(around), axis=0)
+        iy, ix = np.nonzero(smooth)
+        is_obstacle = smooth[iy, ix] > 1
+        votes = (~is_obstacle).astype(np.uint16), is_obstacle.astype(np.uint16)
+        classed = GroundCells((ix + x).astype(np.int32), (iy + y).astype(np.int32), *votes)
+        if self._area is not None:
+            classed = classed[np.asarray(shapely.contains_xy(self._area, *classed.centre.T))]
+        return _within_the_limit(classed)
+
+
+def ground_that_matters(spots: ParkingMap) -> shapely.Geometry:
+    """The spots of a parking map and what lies within reach of them, map metres, ready for many questions."""
+    area = shapely.union_all(shapely.buffer(np.array([spot.polygon for spot in spots.spots], np.object_), REACH_M))
+    shapely.prepare(area)
+    return area
+
+
+def _merge(cells: GroundCells) -> GroundCells:
+    """One row per cell, votes added."""
+    key = (cells.ix.astype(np.int64) << 32) | (cells.iy.astype(np.int64) & 0xFFFFFFFF)
+    unique, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    free = np.bincount(inverse, cells.free, len(unique)).astype(np.uint16)
+    obstacle = np.bincount(inverse, cells.obstacle, len(unique)).astype(np.uint16)
+    merged = GroundCells(cells.ix[first], cells.iy[first], free, obstacle)
+    return merged[np.lexsort((merged.iy, merged.ix))]
+
+
+def _around_the_middle(cells: GroundCells) -> GroundCells:
+    """Cells of a window that spans too much, no farther from its middle than a message tells."""
+    reach = _MOST_CELLS_ACROSS // 2 - BLOCK
+    near = (np.abs(cells.ix - np.median(cells.ix)) < reach) & (np.abs(cells.iy - np.median(cells.iy)) < reach)
+    return cells[near]
+
+
+def _within_the_limit(cells: GroundCells) -> GroundCells:
+    """All cells, or of too many squares those with the most."""
+    square = _squares(cells)
+    unique, row, count = np.unique(square, return_inverse=True, return_counts=True)
+    if len(unique) <= MAX_SEEN_SQUARES:
+        return cells
+    kept = np.zeros(len(unique), np.bool_)
+    kept[np.argsort(-count, kind="stable")[:MAX_SEEN_SQUARES]] = True
+    return cells[kept[row]]
+
+
+def _squares(cells: GroundCells) -> NDArray[np.int64]:
+    return (cells.iy.astype(np.int64) // BLOCK << 32) + cells.ix // BLOCK

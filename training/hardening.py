@@ -89,18 +89,17 @@ def _occlude(x: NDArray[np.float32], ids: NDArray[np.uint8], rng: np.random.Gene
 
 
 def _shade(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float32]:
-    """Hard shadows of houses: polygons in which little light is left."""
-    shade = np.ones(shape, np.float32)
-    for _ in range(int(rng.integers(1, 4))):
-        corners = rng.random((int(rng.integers(3, 6)), 2)) * [1.4 * shape[1], 1.4 * shape[0]] - [
-            0.2 * shape[1],
-            0.2 * shape[0],
-        ]
-        hull = cv2.convexHull(corners.astype(np.int32))
-        cv2.fillPoly(shade, [hull], float(rng.uniform(0.12, 0.75)))
-    if rng.random() < 0.5:
-        shade = 1.0 / (1.5 - 0.5 * shade) if rng.random() < 0.3 else shade
-    return np.asarray(cv2.GaussianBlur(shade, (0, 0), float(rng.uniform(0.5, 4))), np.float32)
+    """Hard shadows of houses in which little light is left, and patches of sun that burn out; factors of light."""
+    light = np.ones(shape, np.float32)
+    room = np.array([shape[1], shape[0]])
+    for _ in range(int(rng.integers(1, 5))):
+        corners = (rng.random((int(rng.integers(3, 6)), 2)) * 1.4 - 0.2) * room
+        if rng.random() < 0.4:  # no larger than a car
+            corners = rng.random(2) * room + rng.normal(0, 45, corners.shape)
+        dark = rng.random() < 0.6
+        factor = rng.uniform(0.05, 0.7) if dark else rng.uniform(1.4, 5.0)
+        cv2.fillPoly(light, [cv2.convexHull(corners.astype(np.int32))], float(factor))
+    return np.asarray(cv2.GaussianBlur(light, (0, 0), float(rng.uniform(0.5, 3))), np.float32)
 
 
 def _dapple(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float32]:

@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from autowaze.cloud.belief import Evidence
+from autowaze.cloud.cell_kernels import shares_of_passes
 from autowaze.cloud.ground_votes import GroundVotes, WindowVotes
 from autowaze.cloud.merging import MergedVehicles, vehicles_at
 from autowaze.cloud.scene import VehicleScene
@@ -122,27 +123,30 @@ def _of_ground(windows: list[WindowVotes], core: NDArray[np.bool_], ground: bool
         return []
     windows = sorted(windows, key=lambda w: (w.session, w.end, w.sequence))
     starts = _pass_starts(windows)
-    free = np.add.reduceat(np.array([w.free for w in windows], np.int64)[:, core], starts)
-    obstacle = np.add.reduceat(np.array([w.obstacle for w in windows], np.int64)[:, core], starts)
-    sigma = np.maximum.reduceat([w.sigma_m for w in windows], starts)
-    free_share = np.mean(free > obstacle, axis=1)
-    obstacle_share = np.mean((obstacle > 0) & (obstacle >= free), axis=1)
+    free, obstacle = (
+        np.concatenate(v).reshape(-1, len(core)) for v in zip(*((w.free, w.obstacle) for w in windows), strict=True)
+    )
+    shares = shares_of_passes(free, obstacle, core, np.array(starts)).tolist()
+    found = []
+    for first, end, (free_share, obstacle_share) in zip(starts, [*starts[1:], len(windows)], shares, strict=True):
+        sigma_m = max(window.sigma_m for window in windows[first:end])
+        log_odds = _log_odds(free_share, obstacle_share, ground) / (1.0 + (sigma_m / POSITION_SIGMA_M) ** 2)
+        reason = f"ground {free_share:.0%} free, {obstacle_share:.0%} obstacle"
+        found.append(Evidence(windows[end - 1].end, log_odds, reason, windows[first].source))
+    return found
+
+
+def _log_odds(free_share: float, obstacle_share: float, ground: bool) -> float:
+    """Of a pass that saw these shares of a spot free and with obstacles, its place certain."""
     seen = free_share + obstacle_share
-    log_odds = -seen
-    if ground:
-        lean = obstacle_share / np.maximum(seen, 1e-9) - OBSTACLE_RATIO_EVEN
-        counts_from = np.where(lean < 0, GLIMPSE_SHARE, 0.0)
-        weight = np.clip((seen - counts_from) / (ENOUGH_SEEN_SHARE - counts_from), 0.0, 1.0)
-        log_odds = LOG_ODDS_PER_OBSTACLE_RATIO * lean * weight
-        log_odds -= LOG_ODDS_PER_FREE_SHARE * np.maximum(free_share - FREE_SHARE_EVEN, 0.0)
-    log_odds = np.clip(log_odds, -MOST_LOG_ODDS, MOST_LOG_ODDS) / (1.0 + (sigma / POSITION_SIGMA_M) ** 2)
-    ends = (windows[last - 1].end for last in [*starts[1:], len(windows)])
-    sources = (windows[first].source for first in starts)
-    columns = (log_odds.tolist(), free_share.tolist(), obstacle_share.tolist())
-    return [
-        Evidence(end, odds, f"ground {free_part:.0%} free, {obstacle_part:.0%} obstacle", source)
-        for end, source, odds, free_part, obstacle_part in zip(ends, sources, *columns, strict=True)
-    ]
+    if not ground:
+        return max(-seen, -MOST_LOG_ODDS)
+    lean = obstacle_share / max(seen, 1e-9) - OBSTACLE_RATIO_EVEN
+    counts_from = GLIMPSE_SHARE if lean < 0 else 0.0
+    weight = min(max((seen - counts_from) / (ENOUGH_SEEN_SHARE - counts_from), 0.0), 1.0)
+    log_odds = LOG_ODDS_PER_OBSTACLE_RATIO * lean * weight
+    log_odds -= LOG_ODDS_PER_FREE_SHARE * max(free_share - FREE_SHARE_EVEN, 0.0)
+    return min(max(log_odds, -MOST_LOG_ODDS), MOST_LOG_ODDS)
 
 
 def _pass_starts(windows: list[WindowVotes]) -> list[int]:

@@ -9,7 +9,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from autowaze.cloud.spots import SpotIndex, cell_codes, raster_of, without_row
+from autowaze.cloud.cell_kernels import blocks_of_cells, cells_ascend, votes_of_codes
+from autowaze.cloud.spots import SpotIndex, raster_of, without_row
 from autowaze.world.ground import CELL_M, GroundCells
 from autowaze.world.map_diff import SemanticMapDiff
 
@@ -64,7 +65,7 @@ class GroundVotes:
         start = 0
         for spot, raster in zip(candidates.tolist(), rasters, strict=True):
             cells = slice(start, start := start + len(raster))
-            if (free[cells] | obstacle[cells]).any():
+            if free[cells].any() or obstacle[cells].any():
                 window = (diff.end, diff.session, diff.sequence, diff.position_sigma_m, free[cells], obstacle[cells])
                 self._note(spot, WindowVotes(*window, source))
                 seen.append(spot)
@@ -143,17 +144,13 @@ class GroundVotes:
         """Spots (N,) that the blocks of 8 m around the cells touch, sorted: no more work than there are cells."""
         if len(ground) == 0:
             return np.zeros(0, np.int64)
-        low = ground.blocks(_BLOCK_BITS) * (CELL_M * (1 << _BLOCK_BITS))
+        low = blocks_of_cells(ground.ix, ground.iy, _BLOCK_BITS) * (CELL_M * (1 << _BLOCK_BITS))
         return self._spots.touching(low, low + CELL_M * (1 << _BLOCK_BITS))
 
 
 def _look_up(ground: GroundCells, codes: NDArray[np.int64]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """Votes (C,) for the cells with these codes, 0 for cells that were not seen."""
-    known = cell_codes(ground.ix, ground.iy)
-    if not (known[1:] > known[:-1]).all():
-        order = np.argsort(known)
-        ground, known = ground[order], known[order]
-    row = np.searchsorted(known, codes).clip(max=len(known) - 1)
-    hit = known[row] == codes
-    free, obstacle = (np.minimum(votes[row], 255) * hit for votes in (ground.free, ground.obstacle))
-    return free.astype(np.uint8), obstacle.astype(np.uint8)
+    if not cells_ascend(ground.ix, ground.iy):
+        ground = ground[np.lexsort((ground.ix, ground.iy))]
+    free, obstacle = votes_of_codes(ground.ix, ground.iy, ground.free, ground.obstacle, codes)
+    return free, obstacle

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from autowaze.cloud.cell_kernels import blocks_of_cells
+from autowaze.cloud.path_distance import all_within
 from autowaze.cloud.validation import RefusedDiffError
 from autowaze.world.georeference import Georeference
 from autowaze.world.ground import CELL_M
@@ -146,7 +148,8 @@ def _check_sight(diff: SemanticMapDiff, limits: Limits) -> None:
     z = diff.new.position[:, 2]
     _require(bool(((z >= low) & (z <= high)).all()), "too_far", f"a feature is {limits.most_height_m:.0f} m up or down")
     _within(diff, diff.new.position[:, :2], limits.feature_sight_m, "a new feature")
-    centres = np.asarray((diff.ground.blocks(_BLOCK_BITS) + 0.5) * _BLOCK_M, np.float64)
+    blocks = blocks_of_cells(diff.ground.ix, diff.ground.iy, _BLOCK_BITS)
+    centres = np.asarray((blocks + 0.5) * _BLOCK_M, dtype=np.float64)
     _within(diff, centres, limits.ground_sight_m + _BLOCK_M * 0.71, "a ground cell")
 
 
@@ -167,16 +170,12 @@ def _within(diff: SemanticMapDiff, points: NDArray[np.float64], sight_m: float, 
 
 def _all_near(points: NDArray[np.float64], path: NDArray[np.float64], within_m: float) -> bool:
     """Whether each point (N, 2) is so near to the polyline through path (M, 2)."""
+    if len(points) * len(path) <= LOOKED_UP_AT_ONCE:
+        return bool(all_within(points, path, within_m))
     low, high = path.min(axis=0) - within_m, path.max(axis=0) + within_m
     if not ((points >= low) & (points <= high)).all():
         return False
     starts, steps = path[:-1] if len(path) > 1 else path, np.diff(path, axis=0) if len(path) > 1 else path * 0.0
-    if len(points) * len(starts) <= LOOKED_UP_AT_ONCE:
-        offset = points[:, None] - starts
-        length2 = np.maximum((steps**2).sum(axis=1), 1e-12)
-        share = np.clip((offset * steps).sum(axis=2) / length2, 0.0, 1.0)
-        distance2 = ((offset - share[..., None] * steps) ** 2).sum(axis=2).min(axis=1)
-        return bool((distance2 <= within_m**2).all())
     spacing_m = within_m / 10
     pieces = np.maximum(np.ceil(np.hypot(*steps.T) / spacing_m), 1).astype(np.int64)
     row = np.repeat(np.arange(len(pieces)), pieces)

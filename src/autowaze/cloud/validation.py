@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from autowaze.cloud.cell_kernels import cells_ascend
 from autowaze.cloud.spots import cell_codes
 from autowaze.world.errors import WireError
 from autowaze.world.georeference import Georeference
@@ -81,9 +82,8 @@ def _check_ground(diff: SemanticMapDiff) -> None:
         low, high = int(axis.min()), int(axis.max())
         _require(max(-low, high) * CELL_M <= MAX_EXTENT_M, "a ground cell is off the map")
         _require((high - low) * CELL_M <= MAX_WINDOW_M, f"ground spans over {MAX_WINDOW_M:.0f} m")
-    codes = cell_codes(ground.ix, ground.iy)
-    if not (codes[1:] > codes[:-1]).all():
-        codes = np.sort(codes)
+    if not cells_ascend(ground.ix, ground.iy):
+        codes = np.sort(cell_codes(ground.ix, ground.iy))
         _require(bool((codes[1:] > codes[:-1]).all()), "two rows for one ground cell")
 
 

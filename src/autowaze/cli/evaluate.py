@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from autowaze.cli.evaluate_benefits import benefits
 from autowaze.cli.options import (
     Cameras,
     Frames,
@@ -37,6 +38,7 @@ from autowaze.world.map_file import load_map
 from autowaze.world.parking import ParkingMap
 
 app = typer.Typer(help="Score the system against ground truth.", no_args_is_help=True)
+app.command()(benefits)
 
 Traces = Annotated[list[Path], typer.Argument(help="Folders of stereo drives with ground truth.", show_default=False)]
 Results = dict[str, dict[str, float]]

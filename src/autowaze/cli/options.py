@@ -92,4 +92,6 @@ def print_metrics(title: str, results: dict[str, dict[str, Any]]) -> None:
 def _formatted(value: float | None) -> str:
     if value is None:
         return ""
-    return f"{value:.0f}" if float(value).is_integer() and (abs(value) >= 2 or value == 0) else f"{value:.3f}"
+    if float(value).is_integer() and (abs(value) >= 2 or value == 0):
+        return f"{value:.0f}"
+    return f"{value:.3f}" if abs(value) >= 0.1 else f"{value:.3g}"

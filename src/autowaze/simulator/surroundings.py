@@ -14,6 +14,7 @@ import shapely
 from numpy.typing import NDArray
 
 from autowaze.simulator.plan.roads import LANE_M, Road
+from autowaze.simulator.plan.street_plan import StreetPlan
 from autowaze.simulator.street import Street
 from autowaze.world.georeference import Georeference
 
@@ -32,11 +33,9 @@ def streets_geojson(street: Street) -> dict[str, Any]:
     """
     plan, features = street.plan, []
     lot = street.description.layout == "lot"
-    for number, line in enumerate(_joined(plan.roads)):
+    for number, line in enumerate(lane_lines(plan, lot)):
         name = "" if lot else f"{_NAMES[(street.description.seed + number) % len(_NAMES)]} Street"
         features.append(_street(line, name, AISLE_SPEED_KMH if lot else SPEED_KMH))
-    if lot:
-        features += [_street(line, "", AISLE_SPEED_KMH) for line in _between_aisles(plan.roads)]
     for surface, ground in (("asphalt", plan.asphalt), ("pavement", plan.pavement)):
         features += [_feature(part, kind="area", surface=surface) for part in shapely.get_parts(ground)]
     for building in street.buildings:
@@ -45,6 +44,11 @@ def streets_geojson(street: Street) -> dict[str, Any]:
         if thing.model.startswith("tree-"):
             features.append(_feature(shapely.Point(thing.T_map_thing[:2, 3]), kind="tree"))
     return {"type": "FeatureCollection", "features": _to_lon_lat(features, plan.georeference)}
+
+
+def lane_lines(plan: StreetPlan, lot: bool) -> list[shapely.LineString]:
+    """Centre lines of the roads, or of a car park's aisles and what joins them; they meet in common positions."""
+    return _joined(plan.roads) + (_between_aisles(plan.roads) if lot else [])
 
 
 def _street(line: shapely.LineString, name: str, speed_kmh: int) -> dict[str, Any]:

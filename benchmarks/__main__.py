@@ -5,7 +5,19 @@ from __future__ import annotations
 import importlib
 import sys
 
-BENCHMARKS = ("odometry", "main_job", "semantics", "cloud", "load", "crash", "mutated", "nearest", "edits", "simulator")
+BENCHMARKS = (
+    "odometry",
+    "tracking_profile",
+    "main_job",
+    "semantics",
+    "cloud",
+    "load",
+    "crash",
+    "mutated",
+    "nearest",
+    "edits",
+    "simulator",
+)
 
 for name in sys.argv[1:2] or BENCHMARKS:
     importlib.import_module(f"benchmarks.{name}").run()

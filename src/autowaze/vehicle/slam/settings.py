@@ -61,7 +61,7 @@ class SlamSettings:
     keyframe_angle_rad: float = 0.03
     n_adjusted: int = 5
     n_fixed: int = 5
-    memory_s: float = 60.0
+    memory_s: float = 20.0
     local_radius_m: float = 60.0
 
     @property

@@ -100,14 +100,18 @@ def _sum_differences(left, at, right, first, width, n_columns, cost):  # type: i
 @compiled
 def _unambiguous(cost, n_columns):  # type: ignore[no-untyped-def]
     """Place of the least cost, -1 where it is at an end or not clearly less than everywhere else."""
-    best: Any = 0
+    least = np.int32(1 << 16)
     for k in range(n_columns):
-        if cost[k] < cost[best]:
-            best = k
+        least = min(least, np.int32(cost[k]))
+    best: Any = 0
+    while cost[best] != least:
+        best += 1
     if best in (0, n_columns - 1):
         return -1
-    limit = np.int64(cost[best])
+    limit = np.int32(least / _RATIO)
+    alike = np.int32(0)
     for k in range(n_columns):
-        if abs(k - best) > _ELSEWHERE_PX and limit >= _RATIO * cost[k]:
-            return -1
-    return best
+        alike = np.int32(alike + np.int32(np.int32(cost[k]) <= limit))
+    for k in range(max(best - _ELSEWHERE_PX, 0), min(best + _ELSEWHERE_PX + 1, n_columns)):
+        alike = np.int32(alike - np.int32(np.int32(cost[k]) <= limit))
+    return best if alike == 0 else -1

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from autowaze.evaluation.segmentation import FrameScore, score_frame, summarise
+from autowaze.evaluation.segmentation import MIN_AREA, FrameScore, disjoint_masks, run_segmenter, summarise
 from autowaze.simulator import SimulatedTrace, load_description
 from autowaze.simulator.presets import PRESETS
 from autowaze.traces import open_trace
@@ -22,8 +22,6 @@ from autowaze.vehicle.semantics.segmenter import Segmenter, load_segmenter
 from autowaze.world.instances import Detections
 from autowaze.world.labels import is_vehicle
 
-MIN_AREA = 1200
-"""Pixels of a 1242 x 375 image from which a vehicle is asked for."""
 _FIRST_SEED = 50_000
 _REFERENCE_CONFIDENCE, _REFERENCE_LONG_SIDE = 0.5, 1248
 _EVERY = 5
@@ -85,38 +83,22 @@ def real_frames(drive: Path, reference: Path, cache: Path) -> list[LabelledFrame
 
 
 def _as_ids(detections: Detections) -> NDArray[np.uint16]:
-    """Vehicles painted over one another, the most confident last."""
+    """Vehicles, one id each; where they overlap the pixel is of the more confident one."""
     ids = np.zeros(detections.mask.shape[1:], np.uint16)
-    vehicles = detections[is_vehicle(detections.label)]
-    for number in range(len(vehicles) - 1, -1, -1):
-        ids[vehicles.mask[number]] = number + 1
+    for number, mask in enumerate(disjoint_masks(detections[is_vehicle(detections.label)]), start=1):
+        ids[mask] = number
     return ids
 
 
-def score(model: Segmenter, frames: list[LabelledFrame]) -> tuple[list[FrameScore], list[FrameScore]]:
-    """Scores of all vehicles, and of those alone that are large enough (for what touches)."""
-    everything, large = [], []
-    for frame in frames:
-        found = model.segment(frame.image)
-        found = found[is_vehicle(found.label)]
-        masks = frame.masks
-        everything.append(score_frame(found, masks))
-        large.append(score_frame(found, masks[masks.sum(axis=(1, 2)) >= MIN_AREA]))
-    return everything, large
+def score(model: Segmenter, frames: list[LabelledFrame]) -> list[FrameScore]:
+    """Scores of all vehicles, large or small."""
+    return run_segmenter(model, ((frame.image, frame.masks) for frame in frames)).frames
 
 
-def figures(everything: list[FrameScore], large: list[FrameScore]) -> dict[str, float]:
+def figures(scores: list[FrameScore]) -> dict[str, float]:
     """The figures that the bars are about."""
-    summary = summarise(everything, MIN_AREA)
-    pairs = summarise(large)
-    return {
-        "vehicles": summary["instances"],
-        "recall": summary["recall"],
-        "precision": summary["precision"],
-        "ap50": summary["ap50"],
-        "touching_pairs": pairs["touching_pairs"],
-        "touching_separated": pairs["touching_separated"],
-    }
+    summary = summarise(scores, MIN_AREA)
+    return {"vehicles": summary.pop("instances"), **summary}
 
 
 def milliseconds(model: Segmenter, image: NDArray[np.uint8]) -> dict[str, float]:
@@ -139,20 +121,19 @@ def evaluate(
 ) -> dict[str, dict[str, float]]:
     """Figures by what they were measured on."""
     results: dict[str, dict[str, float]] = {}
-    of_streets: list[tuple[list[FrameScore], list[FrameScore]]] = []
+    of_streets: list[FrameScore] = []
     image: NDArray[np.uint8] | None = None
     for name, labelled in simulated_frames(cache, streets, frames):
-        of_streets.append(score(model, labelled))
-        results[name] = figures(*of_streets[-1])
+        scores = score(model, labelled)
+        of_streets += scores
+        results[name] = figures(scores)
         image = labelled[0].image
     if of_streets:
-        results["all streets"] = figures(
-            [s for everything, _ in of_streets for s in everything], [s for _, large in of_streets for s in large]
-        )
+        results["all streets"] = figures(of_streets)
     for drive in drives if reference else []:
         assert reference is not None
         labelled = real_frames(drive, reference, cache)
-        results[drive.name] = figures(*score(model, labelled))
+        results[drive.name] = figures(score(model, labelled))
         image = labelled[0].image
     if image is not None:
         results["speed"] = milliseconds(model, image)

@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from autowaze.vehicle.semantics.segmenter import Segmenter
 from autowaze.world.columns import Columns
+from autowaze.world.errors import AutowazeError
+from autowaze.world.frame import Image
 from autowaze.world.instances import Detections
+from autowaze.world.labels import is_vehicle
 
 MIN_IOU = 0.5
 """Mask overlap from which a detection counts as the true instance."""
+
+MIN_AREA = 1200
+"""Pixels of a 1242 x 375 image from which a vehicle is asked for."""
+
+SIZES = {"small": (0.0, 32.0**2), "medium": (32.0**2, 96.0**2), "large": (96.0**2, np.inf)}
+"""COCO's (Lin et al. 2014), in pixels of the true mask."""
+
+_WARM_UP = 3
 
 
 @dataclass
@@ -38,15 +52,13 @@ class FrameScore:
         matches: the detections.
         true_area: (T,) int64, pixels of the true instances.
         found: (T,) bool, which of them were found.
-        touching_pairs, separated_pairs: true instances that touch in the image, and those of them that were found as
-            two.
+        touching: (P, 2) int64, rows of true instances that touch in the image.
     """
 
     matches: MaskMatches
     true_area: NDArray[np.int64]
     found: NDArray[np.bool_]
-    touching_pairs: int
-    separated_pairs: int
+    touching: NDArray[np.int64]
 
 
 def score_frame(detections: Detections, true_masks: NDArray[np.bool_]) -> FrameScore:
@@ -59,24 +71,25 @@ def score_frame(detections: Detections, true_masks: NDArray[np.bool_]) -> FrameS
     found = np.zeros(len(true_masks), np.bool_)
     found[t[good]] = True
     area[d[good]] = true_area[t[good]]
-    pairs = _touching(true_masks)
-    separated = found[pairs[:, 0]] & found[pairs[:, 1]]
-    return FrameScore(
-        MaskMatches(detections.confidence, area, correct), true_area, found, len(pairs), int(separated.sum())
-    )
+    return FrameScore(MaskMatches(detections.confidence, area, correct), true_area, found, _touching(true_masks))
 
 
-def summarise(frames: list[FrameScore], min_area: int = 0) -> dict[str, float]:
-    """Precision, recall and AP50 over true instances and detections of at least `min_area` pixels.
+def summarise(frames: list[FrameScore], min_area: float = 0, max_area: float = np.inf) -> dict[str, float]:
+    """Precision, recall and AP50 over true instances and detections of `min_area` to `max_area` pixels.
 
-    A detection that matches a smaller true instance counts neither way, as in COCO's scores by size.
+    A detection that matches a true instance of another size counts neither way, as in COCO's scores by size. Of the
+    pairs that touch, those count whose instances both are of that size; they are separated when both were found.
     """
     matches = MaskMatches.concatenate([f.matches for f in frames])
-    matches = matches[matches.area >= min_area]
-    n_true = sum(int((f.true_area >= min_area).sum()) for f in frames)
-    n_found = sum(int((f.found & (f.true_area >= min_area)).sum()) for f in frames)
-    pairs = sum(f.touching_pairs for f in frames)
-    separated = sum(f.separated_pairs for f in frames)
+    matches = matches[(matches.area >= min_area) & (matches.area < max_area)]
+    n_true = n_found = pairs = separated = 0
+    for f in frames:
+        counts = (f.true_area >= min_area) & (f.true_area < max_area)
+        both = counts[f.touching].all(axis=1)
+        n_true += int(counts.sum())
+        n_found += int((f.found & counts).sum())
+        pairs += int(both.sum())
+        separated += int(f.found[f.touching[both]].all(axis=1).sum())
     return {
         "instances": float(n_true),
         "precision": float(matches.correct.mean()) if len(matches) else 1.0,
@@ -85,6 +98,66 @@ def summarise(frames: list[FrameScore], min_area: int = 0) -> dict[str, float]:
         "touching_pairs": float(pairs),
         "touching_separated": separated / pairs if pairs else 1.0,
     }
+
+
+def sized_summary(frames: list[FrameScore], min_area: int = MIN_AREA) -> dict[str, float]:
+    """`summarise` from `min_area` pixels on, and precision, recall and AP50 by the sizes that COCO tells apart."""
+    scores = summarise(frames, min_area)
+    for size, (low, high) in SIZES.items():
+        by_size = summarise(frames, low, high)
+        scores.update({f"{name}_{size}": by_size[name] for name in ("instances", "precision", "recall", "ap50")})
+    return scores
+
+
+def disjoint_masks(detections: Detections) -> NDArray[np.bool_]:
+    """Masks (N, H, W) of a reference model's detections for use as truth: each pixel is of the most confident one.
+
+    Masks of which nothing is left are dropped.
+    """
+    order = np.argsort(-detections.confidence, kind="stable")
+    masks = detections.mask[order]
+    taken = np.zeros(masks.shape[1:], np.bool_)
+    out = np.zeros_like(masks)
+    for mine, mask in zip(out, masks, strict=True):
+        mine[:] = mask & ~taken
+        taken |= mask
+    return out[out.any(axis=(1, 2))]
+
+
+@dataclass
+class SegmenterRun:
+    """A model's scores over frames, and how long each took it.
+
+    Attributes:
+        frames: one score per frame.
+        milliseconds: of each frame by the clock, network and decoding.
+    """
+
+    frames: list[FrameScore] = field(default_factory=list)
+    milliseconds: list[float] = field(default_factory=list)
+
+    def metrics(self, min_area: int = MIN_AREA) -> dict[str, float]:
+        """`sized_summary` with the times; the first frames, in which networks settle, are not timed."""
+        timed = self.milliseconds[_WARM_UP:] or self.milliseconds
+        times = {"segment_ms_median": float(np.median(timed)), "segment_ms_p95": float(np.percentile(timed, 95))}
+        return {"frames": float(len(self.frames)), **sized_summary(self.frames, min_area), **times}
+
+
+def run_segmenter(model: Segmenter, frames: Iterable[tuple[Image, NDArray[np.bool_]]]) -> SegmenterRun:
+    """Segment images and score the vehicles found against the masks (T, H, W) of the true ones.
+
+    Raises:
+        AutowazeError: no frames.
+    """
+    run = SegmenterRun()
+    for image, masks in frames:
+        start = time.perf_counter()
+        found = model.segment(image)
+        run.milliseconds.append(1000 * (time.perf_counter() - start))
+        run.frames.append(score_frame(found[is_vehicle(found.label)], masks))
+    if not run.frames:
+        raise AutowazeError("no frames to segment")
+    return run
 
 
 def average_precision(matches: MaskMatches, n_true: int) -> float:

@@ -30,7 +30,7 @@ class TrackingScore:
         try:
             import motmetrics
         except ImportError as error:
-            raise DependencyError("scoring tracks needs motmetrics: pip install motmetrics") from error
+            raise DependencyError("scoring tracks needs motmetrics: pip install 'autowaze[evaluate]'") from error
         self._motmetrics = motmetrics
         self._frames: Any = motmetrics.MOTAccumulator(auto_id=True)
 

@@ -77,6 +77,11 @@ class RecordedTrace:
         return np.array([entry.index for entry in self._entries], dtype=np.int64)
 
     @property
+    def timestamps(self) -> NDArray[np.float64]:
+        """Times of the frames, (N,) seconds."""
+        return np.array([entry.timestamp for entry in self._entries], dtype=np.float64)
+
+    @property
     def parking_map(self) -> Path | None:
         """The GeoJSON file of the spots along the way, if the trace brings one."""
         path = self.folder / PARKING_MAP

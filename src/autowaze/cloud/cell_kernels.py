@@ -108,7 +108,7 @@ def shares_of_passes(
 
 
 @numba.njit(cache=True, nogil=True)
-def _code(ix: NDArray[np.int32], iy: NDArray[np.int32], row: int) -> int:
+def _code(ix: NDArray[np.int32], iy: NDArray[np.int32], row: int) -> np.int64:
     return (np.int64(iy[row]) << _SHIFT) + np.int64(ix[row])
 
 

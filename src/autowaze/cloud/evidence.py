@@ -7,17 +7,14 @@ position, a wrong ground plane) are common to all of them.
 from __future__ import annotations
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from autowaze.cloud.belief import Evidence
 from autowaze.cloud.cell_kernels import shares_of_passes
 from autowaze.cloud.ground_votes import GroundVotes, WindowVotes
-from autowaze.cloud.merging import MergedVehicles, vehicles_at
-from autowaze.cloud.scene import VehicleScene
-from autowaze.cloud.spots import SpotIndex, SpotRaster
+from autowaze.cloud.parked_vehicles import GRAZING_OVERLAP, ParkedVehicle, ParkedVehicles
+from autowaze.cloud.spots import SpotIndex
 from autowaze.cloud.witnesses import Witnesses
-from autowaze.world.identity import session_of_key
 
 PASS_GAP_S = 30.0
 """Windows of a session that are closer in time belong to one pass."""
@@ -35,8 +32,8 @@ LOG_ODDS_PER_FREE_SHARE = 6.0
 
 PARKED_OVERLAP = 0.5
 """Share of a vehicle that lies in a spot from which on it is parked there."""
-GRAZING_OVERLAP = 0.25
-LEANING_RIM_M = 0.25
+MOST_WITNESSES = 64
+"""Sources whose word on a vehicle counts, the newest: more make no belief surer, and each costs time at every diff."""
 VEHICLE_LOG_ODDS = 4.0
 TYPICAL_POINTS = 10.0
 POSITION_SIGMA_M = 0.7
@@ -46,7 +43,7 @@ POSITION_SIGMA_M = 0.7
 def evidence_of(
     spots: NDArray[np.int64],
     index: SpotIndex,
-    scene: VehicleScene,
+    parked: ParkedVehicles,
     votes: GroundVotes,
     witnesses: Witnesses,
     ground: bool = True,
@@ -56,64 +53,36 @@ def evidence_of(
     Vehicles count for the spot that they overlap most, if enough of them lies in it: one that stands in the lane
     is not parked. Without `ground` its windows still tell where a car looked and found no vehicle.
     """
-    merged = vehicles_at(index.polygons[spots], scene)
-    vehicles = merged.vehicles
-    footprints = vehicles.polygons
-    row, spot = index.overlapping(footprints)
-    common = shapely.area(shapely.intersection(footprints[row], index.polygons[spot]))
-    share = common / (vehicles.length * vehicles.width)[row]
-    is_home = _is_best(row, spot, share) & (share >= GRAZING_OVERLAP)
     found = []
-    for one in spots.tolist():
-        here = spot == one
-        at_home, leaning = row[here & is_home], row[here & ~is_home]
-        core = _not_covered(index.raster(one), footprints[leaning])
-        shares = share[here & is_home].tolist()
-        items = [
-            item for r, s in zip(at_home.tolist(), shares, strict=True) for item in _of_vehicle(merged, r, s, witnesses)
-        ]
-        found.append(items + _of_ground(votes.windows(one), core, ground))
+    for spot, vehicles in parked.around(spots).items():
+        core = index.raster(spot).core
+        items: list[Evidence] = []
+        for vehicle in vehicles:
+            if vehicle.home == spot:
+                items += _of_vehicle(vehicle, vehicle.shares[spot], witnesses)
+            else:  # Half a metre of drift makes it lean over the line, and that must not pass for a vehicle here.
+                core = core & ~vehicle.covered(spot, index)
+        found.append(items + _of_ground(votes.windows(spot), core, ground))
     return found
 
 
-def _is_best(row: NDArray[np.int64], spot: NDArray[np.int64], share: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which pairs (N,) of a vehicle and a spot are the one that the vehicle overlaps most."""
-    order = np.lexsort((spot, -share, row))
-    best = np.zeros(len(row), np.bool_)
-    best[order[np.unique(row[order], return_index=True)[1]]] = True
-    return best
-
-
-def _not_covered(raster: SpotRaster, footprints: NDArray[np.object_]) -> NDArray[np.bool_]:
-    """Which cells (C,) of a spot speak for it: those at its core that no vehicle covers that stands elsewhere.
-
-    Half a metre of drift makes the neighbour lean over the line, and that must not pass for a vehicle here.
-    """
-    if len(footprints) == 0:
-        return raster.core
-    grown = shapely.union_all(shapely.buffer(footprints, LEANING_RIM_M))
-    return np.asarray(raster.core & ~shapely.contains_xy(grown, raster.centre))
-
-
-def _of_vehicle(merged: MergedVehicles, row: int, share: float, witnesses: Witnesses) -> list[Evidence]:
-    """One piece of evidence per source that saw points of the vehicle."""
-    parked = float(np.clip((share - GRAZING_OVERLAP) / (PARKED_OVERLAP - GRAZING_OVERLAP), 0.0, 1.0))
-    parts = merged.parts[merged.whole == row]
+def _of_vehicle(vehicle: ParkedVehicle, share: float, witnesses: Witnesses) -> list[Evidence]:
+    """One piece of evidence per source that saw points of the vehicle, of the newest sources."""
+    parked = min(max((share - GRAZING_OVERLAP) / (PARKED_OVERLAP - GRAZING_OVERLAP), 0.0), 1.0)
     seen: dict[int, tuple[int, float]] = {}
-    columns = (parts.group.tolist(), parts.points.tolist(), parts.seen_at.tolist())
-    for group, points, seen_at in zip(*columns, strict=True):
-        source = witnesses.of(session_of_key(group))
+    for session, points, seen_at in vehicle.testimonies:
+        source = witnesses.of(session)
         known, last = seen.get(source, (0, 0.0))
         seen[source] = known + points, max(last, seen_at)
-    name = f"vehicle {merged.vehicles.group[row]}"
+    newest = sorted(seen, key=lambda source: (seen[source][1], source))[-MOST_WITNESSES:]
     return [
         Evidence(
             seen_at,
             VEHICLE_LOG_ODDS * parked * points / (points + TYPICAL_POINTS),
-            f"{name} of {points} points, {share:.0%} of it here",
+            f"vehicle {vehicle.group} of {points} points, {share:.0%} of it here",
             source,
         )
-        for source, (points, seen_at) in sorted(seen.items())
+        for source, (points, seen_at) in ((source, seen[source]) for source in newest)
     ]
 
 

@@ -8,10 +8,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
-from autowaze.cloud.scene import VehicleScene
+from autowaze.cloud.box_overlap import leaders_and_clusters
 from autowaze.world.vehicles import VehicleBoxes
 
 SAME_VEHICLE_IOU = 0.3
@@ -31,19 +30,6 @@ class MergedVehicles(NamedTuple):
     whole: NDArray[np.int64]
 
 
-def vehicles_at(polygons: NDArray[np.object_], scene: VehicleScene) -> MergedVehicles:
-    """The merged vehicles around these polygons (M,), sorted by group.
-
-    What a box merges with may reach beyond the polygons, so all boxes are taken that hang together with theirs.
-    """
-    boxes = scene.overlapping(polygons)
-    while True:
-        linked = scene.overlapping(boxes.polygons)
-        if len(linked) == len(boxes):
-            return merge_parts(boxes)
-        boxes = linked
-
-
 def merge_boxes(boxes: VehicleBoxes) -> VehicleBoxes:
     """Each box with most points takes in those that overlap it enough (intersection over union)."""
     return merge_parts(boxes).vehicles
@@ -55,39 +41,23 @@ def merge_parts(boxes: VehicleBoxes) -> MergedVehicles:
         return MergedVehicles(boxes, boxes, np.arange(len(boxes)))
     order = np.lexsort((boxes.centre[:, 1], boxes.centre[:, 0], boxes.group, -boxes.points))
     boxes = boxes[order]
-    similar = _iou(boxes) >= SAME_VEHICLE_IOU
-    free = np.ones(len(boxes), np.bool_)
-    merged: list[VehicleBoxes] = []
-    whole = np.zeros(len(boxes), np.int64)
-    for row in range(len(boxes)):
-        if free[row]:
-            members = np.flatnonzero(similar[row] & free)
-            free[members] = False
-            whole[members] = len(merged)
-            merged.append(_merged(boxes[members]))
-    result = VehicleBoxes.concatenate(merged)
+    leader, _ = leaders_and_clusters(boxes.corners, SAME_VEHICLE_IOU)
+    first = np.flatnonzero(leader == np.arange(len(boxes)))
+    whole = np.searchsorted(first, leader)
+    result = boxes[first]
+    members = np.argsort(whole, kind="stable")
+    ends = np.cumsum(np.bincount(whole, minlength=len(first)))
+    for row in np.flatnonzero(np.diff(ends, prepend=0) > 1).tolist():
+        _take_in(result, row, boxes[members[ends[row - 1] if row else 0 : ends[row]]])
     by_group = np.argsort(result.group, kind="stable")
     return MergedVehicles(result[by_group], boxes, np.argsort(by_group)[whole])
 
 
-def _iou(boxes: VehicleBoxes) -> NDArray[np.float64]:
-    """Intersection over union (N, N) of all pairs; 1 on the diagonal."""
-    polygons = boxes.polygons
-    a, b = shapely.STRtree(polygons).query(polygons, predicate="intersects")
-    common = shapely.area(shapely.intersection(polygons[a], polygons[b]))
-    area = boxes.length * boxes.width
-    iou = np.eye(len(boxes))
-    iou[a, b] = np.maximum(iou[a, b], common / (area[a] + area[b] - common))
-    return np.maximum(iou, iou.T)
-
-
-def _merged(members: VehicleBoxes) -> VehicleBoxes:
-    """One box: the size and heading of the one with most points, the mean place by points."""
-    first = members[:1]
+def _take_in(result: VehicleBoxes, row: int, members: VehicleBoxes) -> None:
+    """One box keeps its size and heading as the one with most points, and moves to the mean place by points."""
     weight = members.points / members.points.sum()
-    first.centre = (weight @ members.centre)[None]
-    first.group = members.group.min(keepdims=True)
-    first.confidence = (weight @ members.confidence)[None]
-    first.points = members.points.sum(keepdims=True)
-    first.seen_at = members.seen_at.max(keepdims=True)
-    return first
+    result.centre[row] = weight @ members.centre
+    result.group[row] = members.group.min()
+    result.confidence[row] = weight @ members.confidence
+    result.points[row] = members.points.sum()
+    result.seen_at[row] = members.seen_at.max()

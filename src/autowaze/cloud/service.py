@@ -21,6 +21,7 @@ from autowaze.cloud.merging import merge_boxes
 from autowaze.cloud.methods import FUSED, Method, method_named
 from autowaze.cloud.occupancy import vacant_rectangles
 from autowaze.cloud.outliers import remove_outliers
+from autowaze.cloud.parked_vehicles import ParkedVehicles
 from autowaze.cloud.scene import VehicleScene
 from autowaze.cloud.snapshot import SnapshotError
 from autowaze.cloud.spot_edits import SpotEdit
@@ -58,6 +59,7 @@ class CloudService:
         self.map = MapState(base_map, spots.georeference, self.witnesses if self.method.corroboration else None)
         self.ground = GroundVotes(self.spots, CROWDING_S if self.method.corroboration else 0.0)
         self.scene = VehicleScene()
+        self.parked = ParkedVehicles(self.spots)
         self.changes = ChangeLog(self.map.version)
         self.spot_tiles = SpotTiles(self.spots.centre, spots.georeference, self.map.version)
         self.times = StageTimes()
@@ -169,7 +171,7 @@ class CloudService:
         self.witnesses.restore(kept["witnesses"])
         self.ground.restore(kept["ground"], row_now)
         boxes = VehicleBoxes(**kept["boxes"])
-        self.scene.replace(np.unique(boxes.group), boxes)
+        self._stand(np.unique(boxes.group), boxes)
         self.changes.restore(kept["changes"])
         for before, row in row_now.items():
             self._states[row] = SpotState.of_plain(kept["states"][before])
@@ -217,8 +219,13 @@ class CloudService:
         """Put the new boxes in place of the old ones; returns the spots (T,) that either touch."""
         old = instances if self.method.instance_ids else self.scene.boxes.group
         before = self.scene.of(old)
-        self.scene.replace(old, boxes)
+        self._stand(old, boxes)
         return self.spots.overlapping(VehicleBoxes.concatenate([before, boxes]).polygons)[1]
+
+    def _stand(self, groups: NDArray[np.uint64], boxes: VehicleBoxes) -> None:
+        self.scene.replace(groups, boxes)
+        if self.method.belief:
+            self.parked.replace(groups, boxes)
 
     def _turn_vehicles(self, spot: int) -> None:
         """Draw the boxes around a new spot anew: vehicles stand as the spots next to them do."""
@@ -231,7 +238,7 @@ class CloudService:
     def _decide(self, spots: NDArray[np.int64]) -> list[SpotState]:
         if not self.method.belief:
             return decide_two_pass(spots, self.spots, self.scene, self.ground, self.method.second_pass)
-        evidence = evidence_of(spots, self.spots, self.scene, self.ground, self.witnesses, self.method.ground)
+        evidence = evidence_of(spots, self.spots, self.parked, self.ground, self.witnesses, self.method.ground)
         memory, corroboration = self.method.memory, self.method.corroboration
         pairs = zip(spots.tolist(), evidence, strict=True)
         return [believe(self.spots.ids[spot], items, memory, corroboration) for spot, items in pairs]

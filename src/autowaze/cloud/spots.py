@@ -44,6 +44,7 @@ class SpotIndex:
         centre: (S, 2) metres.
         length, width: (S,) metres, sides of the smallest rectangle around each spot.
         heading: (S,) compass heading of the longer side in radians: how a vehicle stands in it.
+        edition: counts the times that a spot was drawn or erased.
     """
 
     def __init__(self, parking_map: ParkingMap) -> None:
@@ -57,6 +58,7 @@ class SpotIndex:
         self._rasters: dict[int, SpotRaster] = {}
         self._tree: shapely.STRtree | None = shapely.STRtree(self.polygons)
         self._fingerprints: list[str] | None = None
+        self.edition = 0
 
     @property
     def tree(self) -> shapely.STRtree:
@@ -105,6 +107,7 @@ class SpotIndex:
         self.polygons, self.bounds, self.centre, self.length, self.width, self.heading = columns
         self._tree = None
         self._fingerprints = None
+        self.edition += 1
 
     def raster(self, spot: int) -> SpotRaster:
         """The ground cells of a spot."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.evaluation.drive import Progress
-from autowaze.evaluation.trajectory import absolute_errors, relative_errors
+from autowaze.evaluation.trajectory import trajectory_metrics
 from autowaze.traces import Trace
 from autowaze.vehicle.slam.slam import StereoSlam
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame
@@ -32,6 +32,11 @@ class OdometryRun:
         """Poses (N, 4, 4)."""
         return np.stack([t.T_map_cam for t in self.tracked])
 
+    @property
+    def timestamp(self) -> NDArray[np.float64]:
+        """Times (N,) of the frames, seconds."""
+        return np.array([t.timestamp for t in self.tracked])
+
 
 def run_odometry(trace: Trace, progress: Progress | None = None) -> OdometryRun:
     """Track a trace from its first frame; a warm-up that compiles and loads does not count."""
@@ -41,14 +46,8 @@ def run_odometry(trace: Trace, progress: Progress | None = None) -> OdometryRun:
 
 def odometry_metrics(run: OdometryRun, T_true: NDArray[np.float64]) -> dict[str, float]:
     """Errors against true poses (N, 4, 4), and times."""
-    distance = float(np.linalg.norm(np.diff(T_true[:, :3, 3], axis=0), axis=1).sum())
-    relative, absolute = relative_errors(run.T_map_cam, T_true), absolute_errors(run.T_map_cam, T_true)
     return {
-        "frames": float(len(run.tracked)),
-        "distance_m": distance,
-        "rpe_mean_cm": 100 * relative.mean,
-        "ape_rmse_m": absolute.rmse,
-        "ape_max_m": absolute.max,
+        **trajectory_metrics(run.T_map_cam, T_true),
         "trusted_fraction": float(np.mean([t.is_trustworthy for t in run.tracked])),
         "track_ms_median": float(np.median(run.track_ms)),
         "track_ms_p95": float(np.percentile(run.track_ms, 95)),

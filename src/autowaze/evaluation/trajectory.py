@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.world.errors import AutowazeError
-from autowaze.world.pose import Pose, inverse, make_pose
+from autowaze.world.pose import Pose, inverse, make_pose, transform
 
 
 @dataclass(frozen=True)
@@ -60,11 +60,14 @@ def absolute_errors(
         aligned: whether the estimate is first moved rigidly as a whole onto the truth.
     """
     _check(T_estimate, T_truth)
-    positions, truth = T_estimate[:, :3, 3], T_truth[:, :3, 3]
-    if aligned:
-        T = align(positions, truth)
-        positions = positions @ T[:3, :3].T + T[:3, 3]
-    return ErrorSummary(np.linalg.norm(positions - truth, axis=1))
+    positions = aligned_positions(T_estimate, T_truth) if aligned else T_estimate[:, :3, 3]
+    return ErrorSummary(np.linalg.norm(positions - T_truth[:, :3, 3], axis=1))
+
+
+def aligned_positions(T_estimate: NDArray[np.float64], T_truth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Positions (N, 3) of an estimate that is moved rigidly as a whole onto the truth, in the frame of the truth."""
+    positions = T_estimate[:, :3, 3]
+    return transform(align(positions, T_truth[:, :3, 3]), positions)
 
 
 def relative_errors(T_estimate: NDArray[np.float64], T_truth: NDArray[np.float64], step: int = 1) -> ErrorSummary:
@@ -78,6 +81,18 @@ def relative_errors(T_estimate: NDArray[np.float64], T_truth: NDArray[np.float64
     moved = inverse(T_estimate[:-step]) @ T_estimate[step:]
     moved_truth = inverse(T_truth[:-step]) @ T_truth[step:]
     return ErrorSummary(np.linalg.norm((inverse(moved_truth) @ moved)[:, :3, 3], axis=1))
+
+
+def trajectory_metrics(T_estimate: NDArray[np.float64], T_truth: NDArray[np.float64]) -> dict[str, float]:
+    """Flat names for reports, of poses (N, 4, 4) of the same frames."""
+    relative, absolute = relative_errors(T_estimate, T_truth), absolute_errors(T_estimate, T_truth)
+    return {
+        "frames": float(len(T_truth)),
+        "distance_m": float(np.linalg.norm(np.diff(T_truth[:, :3, 3], axis=0), axis=1).sum()),
+        "rpe_mean_cm": 100 * relative.mean,
+        "ape_rmse_m": absolute.rmse,
+        "ape_max_m": absolute.max,
+    }
 
 
 def _check(T_estimate: NDArray[np.float64], T_truth: NDArray[np.float64]) -> None:

@@ -9,85 +9,41 @@ from typing import Annotated, Any
 import typer
 
 from autowaze.cli.evaluate_benefits import benefits
+from autowaze.cli.evaluate_network import network_bytes
+from autowaze.cli.evaluate_poses import localization, odometry
+from autowaze.cli.evaluate_semantics import segmentation, tracking
 from autowaze.cli.options import (
     Cameras,
     Frames,
     JsonFile,
     Model,
-    Spots,
     console,
     opened,
-    parking_map,
     print_metrics,
     segmenter,
     show_progress,
 )
 from autowaze.cloud.service import CloudService
 from autowaze.evaluation.accuracy import Confusion, confusion, read_truth
-from autowaze.evaluation.datum import Start, starting_point, true_poses
+from autowaze.evaluation.datum import Start, starting_point
 from autowaze.evaluation.drive import run_drive
 from autowaze.evaluation.latency import latency_metrics
-from autowaze.evaluation.localization import localization_errors, removal_metrics
 from autowaze.evaluation.network import network_metrics
-from autowaze.evaluation.odometry import odometry_metrics, run_odometry
 from autowaze.evaluation.report import report, write_report
-from autowaze.vehicle.diffing.removal import LookedFor
 from autowaze.vehicle.node import VehicleNode
 from autowaze.world.errors import AutowazeError
-from autowaze.world.map_file import load_map
 from autowaze.world.parking import ParkingMap
 
 app = typer.Typer(help="Score the system against ground truth.", no_args_is_help=True)
+app.command()(segmentation)
+app.command()(tracking)
 app.command()(benefits)
+app.command("network")(network_bytes)
+app.command()(odometry)
+app.command()(localization)
 
 Traces = Annotated[list[Path], typer.Argument(help="Folders of stereo drives with ground truth.", show_default=False)]
 Results = dict[str, dict[str, float]]
-
-
-@app.command()
-def odometry(traces: Traces, cameras: Cameras = "auto", frames: Frames = "", json_file: JsonFile = None) -> None:
-    """Visual odometry against true poses: RPE per frame, APE after alignment, times.
-
-    Example:
-
-        autowaze evaluate odometry kitti/odometry_00 kitti/drive_0005 --json odometry.json
-    """
-    results: Results = {}
-    for path in traces:
-        trace = opened(path, cameras, frames)
-        T_true = true_poses(trace, None)
-        results[trace.name] = odometry_metrics(run_odometry(trace, show_progress), T_true)
-    _deliver("odometry", {"traces": [str(p) for p in traces], "frames": frames}, results, json_file)
-
-
-@app.command()
-def localization(
-    trace: Annotated[Path, typer.Argument(help="Folder of a stereo drive with ground truth.", show_default=False)],
-    stored_map: Annotated[Path, typer.Option("--map", help="Stored map to localise in.")],
-    spots: Spots = None,
-    model: Model = None,
-    cameras: Cameras = "auto",
-    frames: Frames = "",
-    start: Annotated[Start, typer.Option(help="What the car knows of where it starts.")] = Start.GNSS,
-    json_file: JsonFile = None,
-) -> None:
-    """Localisation in a stored map against true poses, and what the diffs say of a map that did not change.
-
-    Example: base map from one pair of a rig, localise the other in it.
-
-        autowaze map kitti/drive_0005 --cameras grey --frames 110:154 --start first-true-pose -o grey.map
-
-        autowaze evaluate localization kitti/drive_0005 --cameras colour --frames 110:154 --map grey.map
-    """
-    source, parking = opened(trace, cameras, frames), parking_map(spots)
-    base_map = load_map(stored_map)
-    told = starting_point(source, parking, start)
-    node = VehicleNode(source.camera, segmenter(model), stored_map=base_map, start=told)
-    looked_for: list[LookedFor] = []
-    record = run_drive(source, node, lambda message: looked_for.append(node.window.looked_for), show_progress)
-    errors = localization_errors(record.tracked, true_poses(source, parking)).metrics()
-    metrics = {**errors, **removal_metrics(record.diffs, looked_for), **network_metrics(record)}
-    _deliver("localization", {"trace": str(trace), "map": str(stored_map)}, {source.name: metrics}, json_file)
 
 
 @app.command()

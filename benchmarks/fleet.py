@@ -18,13 +18,16 @@ from autowaze.world.ground import CELL_M
 from autowaze.world.identity import feature_ids
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.parking import ParkingMap
+from autowaze.world.raster_codec import BLOCK
 from autowaze.world.wire import VERSION, encode_diff
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "cloud"))
 from street import GEOREFERENCE, WINDOW_S, Street, features
 
 STREET = Street()
-BLOCK_M = 130.0
+SQUARE_M = BLOCK * CELL_M
+BLOCK_M = 33 * SQUARE_M
+"""Ground travels in squares: a grid that is moved by whole ones stays as it was packed."""
 VARIANTS = 6
 """Ways in which the street's cars stand; each pass finds the next one."""
 PARKED, LEFT = 10, 3
@@ -34,7 +37,7 @@ STATIC_FEATURES = 20
 
 
 def offset_m(block: int, blocks: int) -> tuple[float, float]:
-    """East and north of a block in a square city around the origin, metres; whole ground cells."""
+    """East and north of a block in a square city around the origin, metres; whole squares of ground."""
     side = int(np.ceil(np.sqrt(blocks)))
     return (block % side - side // 2) * BLOCK_M, (block // side - side // 2) * BLOCK_M
 
@@ -91,8 +94,8 @@ class Fleet:
         for part, position in ((message.new, diff.new.position), (message.trajectory, diff.trajectory.position)):
             part.x = pack_integers(np.round((position[:, 0] + east) * 100), delta=True)
             part.y = pack_integers(np.round((position[:, 1] + north) * 100), delta=True)
-        message.ground.ix = pack_integers(diff.ground.ix + int(east / CELL_M), delta=True)
-        message.ground.iy = pack_integers(diff.ground.iy + int(north / CELL_M), delta=True)
+        message.ground.x += round(east / SQUARE_M)
+        message.ground.y += round(north / SQUARE_M)
 
     def _removed(self, session: int, sequence: int) -> NDArray[np.uint64]:
         """What the car's last pass added, so that the map stays as large as it is."""

@@ -28,7 +28,7 @@ CLASSES = ("vehicle", "two-wheeler", "person", "cone")
 DISTANCE_UNIT = 8.0
 OUTPUT_STRIDE = 2
 
-_MIN_CONFIDENCE = 0.4
+_MIN_CONFIDENCE = 0.35
 _LONG_SIDE = 832
 _SEED_SCORE = 0.25
 _AGREEMENT = 0.3

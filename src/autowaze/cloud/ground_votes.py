@@ -16,7 +16,7 @@ from autowaze.world.map_diff import SemanticMapDiff
 
 MAX_WINDOWS = 8
 """Windows kept per spot, the newest; which ones does not depend on the order of arrival."""
-_BLOCK_BITS = 5
+_BLOCK_BITS = 6
 
 
 class WindowVotes(NamedTuple):
@@ -141,7 +141,7 @@ class GroundVotes:
         return spared[1]
 
     def _spots_near(self, ground: GroundCells) -> NDArray[np.int64]:
-        """Spots (N,) that the blocks of 8 m around the cells touch, sorted: no more work than there are cells."""
+        """Spots (N,) whose bounds touch blocks of 16 m around the cells, sorted: no more work than there are cells."""
         if len(ground) == 0:
             return np.zeros(0, np.int64)
         low = blocks_of_cells(ground.ix, ground.iy, _BLOCK_BITS) * (CELL_M * (1 << _BLOCK_BITS))

@@ -117,8 +117,10 @@ class MapState:
         gone = removed
         if len(added) and ((removed.id >= added.id[0]) & (removed.id <= added.id[-1])).any():
             added, gone = added[~np.isin(added.id, removed.id)], removed[~np.isin(removed.id, added.id)]
-        tiles = {*self.tiles.insert(_block_of(diff), added, self.version)}
-        tiles.update(self.tiles.remove(gone, self.version))
+        cells = self.tiles.cells_of(np.concatenate([added.position, gone.position]))
+        of_added, of_gone = (None, None) if cells is None else (cells[: len(added)], cells[len(added) :])
+        tiles = {*self.tiles.insert(_block_of(diff), added, self.version, of_added)}
+        tiles.update(self.tiles.remove(gone, self.version, of_gone))
         own = instance_keys(diff.session, diff.instances.id)
         self.instances.add(own, diff)
         touched = np.concatenate([added.instance_key, removed.instance_key, own])

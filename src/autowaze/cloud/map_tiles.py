@@ -55,18 +55,20 @@ class MapTiles:
         self._tiles_of_block: dict[int, tuple[Tile, ...]] = {}
         self.records: dict[Tile, TileRecord] = {}
 
-    def insert(self, number: int, features: MapFeatures, version: int) -> tuple[Tile, ...]:
-        """Note a block that came with a version; returns its tiles, sorted."""
-        tiles = tuple(tile for tile, _ in self._parts(features))
+    def insert(
+        self, number: int, features: MapFeatures, version: int, cells: NDArray[np.int64] | None = None
+    ) -> tuple[Tile, ...]:
+        """Note a block that came with a version; returns its tiles, sorted. Cells (N, 2) are `cells_of` them."""
+        tiles = tuple(tile for tile, _ in self._parts(features, cells))
         self._tiles_of_block[number] = tiles
         for tile in tiles:
             record = self._changed(tile, version)
             record.blocks[number] = version
         return tiles
 
-    def remove(self, features: MapFeatures, version: int) -> tuple[Tile, ...]:
-        """Note features that went with a version; returns their tiles, sorted."""
-        parts = self._parts(features)
+    def remove(self, features: MapFeatures, version: int, cells: NDArray[np.int64] | None = None) -> tuple[Tile, ...]:
+        """Note features that went with a version; returns their tiles, sorted. Cells (N, 2) are `cells_of` them."""
+        parts = self._parts(features, cells)
         for tile, rows in parts:
             record = self._changed(tile, version)
             gone = features.id[rows]
@@ -130,11 +132,18 @@ class MapTiles:
             return features[:0]
         return features[(tiles_of_map(features.position, self._georeference) == tile).all(axis=1)]
 
-    def _parts(self, features: MapFeatures) -> list[tuple[Tile, NDArray[np.int64] | slice]]:
+    def cells_of(self, position: NDArray[np.float64]) -> NDArray[np.int64] | None:
+        """Tiles x, y (N, 2) of positions (N, 3); one call for many costs hardly more than for a few."""
+        return None if self._georeference is None else tiles_of_map(position, self._georeference)
+
+    def _parts(
+        self, features: MapFeatures, cells: NDArray[np.int64] | None
+    ) -> list[tuple[Tile, NDArray[np.int64] | slice]]:
         """The tiles that features lie in, sorted, and the rows of each; none where the map floats freely."""
         if self._georeference is None or len(features) == 0:
             return []
-        cells = tiles_of_map(features.position, self._georeference)
+        if cells is None:
+            cells = tiles_of_map(features.position, self._georeference)
         if (cells == cells[0]).all():
             return [(Tile(*cells[0].tolist()), slice(None))]
         tiles, part = np.unique(cells, axis=0, return_inverse=True)

@@ -23,11 +23,13 @@ class MergedVehicles(NamedTuple):
         vehicles: V rows, sorted by group.
         parts: P rows, the boxes as they were.
         whole: (P,) int64, row in `vehicles` of each part.
+        cluster: (P,) int64, the first part of those that each hangs together with.
     """
 
     vehicles: VehicleBoxes
     parts: VehicleBoxes
     whole: NDArray[np.int64]
+    cluster: NDArray[np.int64]
 
 
 def merge_boxes(boxes: VehicleBoxes) -> VehicleBoxes:
@@ -38,10 +40,10 @@ def merge_boxes(boxes: VehicleBoxes) -> VehicleBoxes:
 def merge_parts(boxes: VehicleBoxes) -> MergedVehicles:
     """As `merge_boxes`, with what was merged into what."""
     if len(boxes) < 2:
-        return MergedVehicles(boxes, boxes, np.arange(len(boxes)))
+        return MergedVehicles(boxes, boxes, np.arange(len(boxes)), np.arange(len(boxes)))
     order = np.lexsort((boxes.centre[:, 1], boxes.centre[:, 0], boxes.group, -boxes.points))
     boxes = boxes[order]
-    leader, _ = leaders_and_clusters(boxes.corners, SAME_VEHICLE_IOU)
+    leader, cluster = leaders_and_clusters(boxes.corners, SAME_VEHICLE_IOU)
     first = np.flatnonzero(leader == np.arange(len(boxes)))
     whole = np.searchsorted(first, leader)
     result = boxes[first]
@@ -50,7 +52,7 @@ def merge_parts(boxes: VehicleBoxes) -> MergedVehicles:
     for row in np.flatnonzero(np.diff(ends, prepend=0) > 1).tolist():
         _take_in(result, row, boxes[members[ends[row - 1] if row else 0 : ends[row]]])
     by_group = np.argsort(result.group, kind="stable")
-    return MergedVehicles(result[by_group], boxes, np.argsort(by_group)[whole])
+    return MergedVehicles(result[by_group], boxes, np.argsort(by_group)[whole], cluster)
 
 
 def _take_in(result: VehicleBoxes, row: int, members: VehicleBoxes) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from autowaze.cloud.box_overlap import leaders_and_clusters, lie_on_any
+from autowaze.cloud.box_overlap import lie_on_any
 from autowaze.cloud.merging import SAME_VEHICLE_IOU, merge_parts
 from autowaze.cloud.spots import SpotIndex
 from autowaze.world.identity import session_of_key
@@ -164,13 +164,12 @@ class ParkedVehicles:
         merged = merge_parts(boxes)
         parts, vehicles = merged.parts, merged.vehicles
         corners = parts.corners
-        _, cluster_of = leaders_and_clusters(corners, SAME_VEHICLE_IOU)
         testimonies = _testimonies(parts, merged.whole, len(vehicles))
         footprints, area = vehicles.polygons.tolist(), (vehicles.length * vehicles.width).tolist()
         columns = (vehicles.group.tolist(), footprints, area, testimonies)
         every = [ParkedVehicle(*values) for values in zip(*columns, strict=True)]
         rows_of: dict[int, list[int]] = {}
-        for row, number in enumerate(cluster_of.tolist()):
+        for row, number in enumerate(merged.cluster.tolist()):
             rows_of.setdefault(number, []).append(row)
         whole = merged.whole.tolist()
         for rows in rows_of.values():

@@ -140,9 +140,9 @@ class SpotIndex:
         return pairs[0][order], pairs[1][order]
 
     def touching(self, low: NDArray[np.floating], high: NDArray[np.floating]) -> NDArray[np.int64]:
-        """Spots (N,) that rectangles with these corners (M, 2) touch, sorted, each once."""
+        """Spots (N,) whose bounds rectangles with these corners (M, 2) touch, sorted, each once."""
         rectangles = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
-        return np.unique(self.tree.query(rectangles, predicate="intersects")[1])
+        return np.unique(self.tree.query(rectangles)[1])
 
     def near(self, points: NDArray[np.float64], within_m: float) -> NDArray[np.bool_]:
         """Whether each point (N, 2) lies within reach of a spot."""

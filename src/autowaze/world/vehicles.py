@@ -120,9 +120,14 @@ def box_corners(
     centre: NDArray[np.float64], length: NDArray[np.float64], width: NDArray[np.float64], heading: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Corners (N, 4, 2) of oriented rectangles; headings (N,) in radians clockwise from north."""
-    along = np.stack([np.sin(heading), np.cos(heading)], axis=1) * (length / 2)[:, None]
-    across = np.stack([np.cos(heading), -np.sin(heading)], axis=1) * (width / 2)[:, None]
-    signs = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]])
-    return np.asarray(
-        centre[:, None] + signs[None, :, :1] * along[:, None] + signs[None, :, 1:] * across[:, None], dtype=np.float64
-    )
+    sine, cosine = np.sin(heading), np.cos(heading)
+    half_length, half_width = length / 2, width / 2
+    corners = np.empty((len(centre), 4, 2))
+    for axis, along, across in (
+        (0, sine * half_length, cosine * half_width),
+        (1, cosine * half_length, -sine * half_width),
+    ):
+        front, rear = centre[:, axis] + along, centre[:, axis] - along
+        corners[:, 0, axis], corners[:, 1, axis] = front + across, front - across
+        corners[:, 2, axis], corners[:, 3, axis] = rear - across, rear + across
+    return corners

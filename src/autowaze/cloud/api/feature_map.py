@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Collection
 from http import HTTPStatus
 from typing import Annotated
 
@@ -16,7 +17,7 @@ from autowaze.cloud.api.bounding_box import BBOX, box_asked_for
 from autowaze.cloud.api.intake import Intake
 from autowaze.cloud.api.problems import ProblemError, problems
 from autowaze.cloud.service import CloudService
-from autowaze.world.tiles import TILE_ZOOM, TILES_ACROSS, Tile, tile_bounds
+from autowaze.world.tiles import TILE_ZOOM, TILES_ACROSS, Tile, tile_bounds, tiles_of
 from autowaze.world.wire import encode_map, encode_map_update
 
 _BYTES = {"content": {"application/octet-stream": {}}, "description": "docs/wire-format.md"}
@@ -138,7 +139,7 @@ def map_routes(intake: Intake) -> APIRouter:
 
 def _tile_versions(service: CloudService, box: shapely.Geometry | None) -> TileVersions:
     records, spots = service.map.tiles.records, service.spot_tiles.versions
-    tiles = sorted({*records, *spots})
+    tiles = sorted({*records, *spots} if box is None else _known_around(box, records, spots))
     if box is not None:
         bounds = np.array([tile_bounds(tile) for tile in tiles]).reshape(-1, 4).T
         inside: NDArray[np.bool_] = np.asarray(shapely.intersects(box, shapely.box(*bounds)))
@@ -155,3 +156,18 @@ def _tile_versions(service: CloudService, box: shapely.Geometry | None) -> TileV
             for tile in tiles[: MOST_TILES + 1]
         ],
     )
+
+
+def _known_around(box: shapely.Geometry, *known: Collection[Tile]) -> set[Tile]:
+    """Those of the known tiles that may meet a box in lon/lat: no more work than the box or the city has tiles."""
+    found: set[Tile] = set()
+    for part in shapely.get_parts(box):
+        west, south, east, north = shapely.bounds(part).tolist()
+        (x0, y0), (x1, y1) = tiles_of(np.array([[west, north], [east, south]])).tolist()
+        columns, rows = range(x0 - 1, x1 + 2), range(y0 - 1, y1 + 2)  # who only touches the box meets it, too
+        for tiles in known:
+            if len(columns) * len(rows) < len(tiles):
+                found.update(tile for x in columns for y in rows if (tile := Tile(x, y)) in tiles)
+            else:
+                found.update(tile for tile in tiles if tile.x in columns and tile.y in rows)
+    return found

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import threading
 import time
 from contextlib import contextmanager
@@ -125,6 +126,25 @@ def test_only_the_service_itself_can_acknowledge_or_refuse(status, body):
     finally:
         server.shutdown()
         server.server_close()
+
+
+def test_a_connection_that_the_service_let_go_of_is_opened_again():
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def answer_one_request_per_connection():
+            for _ in range(2):
+                connection, _ = listening.accept()
+                with connection:
+                    connection.recv(4096)
+                    connection.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\nok")
+
+        service = threading.Thread(target=answer_one_request_per_connection)
+        service.start()
+        with CloudConnection(f"http://127.0.0.1:{listening.getsockname()[1]}") as connection:
+            assert connection.get("/").body == b"ok"
+            time.sleep(0.2)
+            assert connection.post("/v1/diffs", b"diff").body == b"ok"
+        service.join()
 
 
 def test_a_car_follows_the_services_map(site, payloads):

@@ -65,3 +65,10 @@ def test_a_hundred_metres_north_on_the_ellipsoid() -> None:
     assert (east, north) == (pytest.approx(0.0, abs=1e-6), pytest.approx(100.0, abs=0.05))
     assert abs(up) < 0.01
     np.testing.assert_allclose(here.to_lon_lat(np.array([[east, north]])), [[8.4, 49.0 + degrees]], atol=1e-9)
+
+
+def test_a_place_has_its_coordinates_in_every_map_frame() -> None:
+    here, there = Georeference(43.0845, -77.6749, 150.0), Georeference(43.0862, -77.6715, 163.0)
+    lon_lat = np.array([[-77.6722, 43.0851], [-77.6730, 43.0870]])
+    moved = transform(here.pose_of(there), there.to_map(lon_lat, 171.0))
+    np.testing.assert_allclose(moved, here.to_map(lon_lat, 171.0), atol=1e-5)

@@ -19,8 +19,8 @@ _TWO_O_CLOCK = 1_718_219_442.0
 """By the sun over the town, seconds since the epoch; that is how the light falls."""
 _SURVEYED_BEFORE_S = 86_400.0
 _LATER_S = 1200.0
-_VACANT, _LEAVING = 5, 3
-"""Of a street's 15 spots five are free, and by the time the last car comes three others than before."""
+_VACANT, _LEAVING = 1 / 3, 1 / 5
+"""Shares of a street's spots: those that are free, and those free ones that others have become by the last drive."""
 _EGO = {"fps": 6.0, "speed_kmh": 24.0}
 """A frame every metre is enough to localise by; on two cores rendering costs most of the demonstration's time."""
 
@@ -78,7 +78,7 @@ def tell(seed: int = 1, **changes: Any) -> Story:
         changes: members of the streets' descriptions, as for `load_description`.
     """
     rng = np.random.default_rng(seed)
-    ego = _EGO | changes.pop("ego", {})
+    ego, parks = _EGO | changes.pop("ego", {}), changes.pop("parking", {})
 
     def drive(name: str, street: int, number: int, at_s: float, **parking: Any) -> Drive:
         east, north = _PLACES_M[street]
@@ -91,7 +91,7 @@ def tell(seed: int = 1, **changes: Any) -> Story:
             altitude_m=_TOWN.altitude_m,
             ego=ego | {"start_time": _TWO_O_CLOCK + at_s},
             light={"solar_time": 14.0 + max(at_s, 0.0) / 3600.0},
-            parking=parking,
+            parking=parks | parking,
             **changes,
         )
         return Drive(name, street, description)
@@ -99,10 +99,13 @@ def tell(seed: int = 1, **changes: Any) -> Story:
     surveys = tuple(drive(f"survey {n + 1}", n, 0, -_SURVEYED_BEFORE_S) for n in range(len(_STREETS)))
     shuffled = [rng.permutation([bay.id for bay in plan_street(s.description).bays]).tolist() for s in surveys]
     own = 10 * seed
+
+    def free(spots: list[str], left: int = 0) -> list[str]:
+        return spots[left : left + round(_VACANT * len(spots))]
+
     first = tuple(
-        drive(f"car {n + 1}", n, own + n, 0.0, occupancy=1.0, vacant=spots[:_VACANT])
-        for n, spots in enumerate(shuffled)
+        drive(f"car {n + 1}", n, own + n, 0.0, occupancy=1.0, vacant=free(spots)) for n, spots in enumerate(shuffled)
     )
-    free_later = shuffled[0][_LEAVING : _LEAVING + _VACANT]
-    later = drive(f"car {len(first) + 1}", 0, own + len(first), _LATER_S, occupancy=1.0, vacant=free_later, drive=own)
+    others = free(shuffled[0], round(_LEAVING * len(shuffled[0])))
+    later = drive(f"car {len(first) + 1}", 0, own + len(first), _LATER_S, occupancy=1.0, vacant=others, drive=own)
     return Story(surveys, first, later)

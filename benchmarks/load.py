@@ -123,8 +123,8 @@ class Usage:
     def of(cls, pid: int) -> Usage:
         cpu: dict[str, float] = {}
         for task in Path(f"/proc/{pid}/task").iterdir():
-            name, _, rest = task.joinpath("stat").read_text().partition("(")[2].rpartition(")")
-            values = rest.split()
+            name = "event loop" if task.name == str(pid) else "intake and others"
+            values = task.joinpath("stat").read_text().rpartition(")")[2].split()
             cpu[name] = cpu.get(name, 0.0) + (int(values[11]) + int(values[12])) / _TICKS
         status = Path(f"/proc/{pid}/status").read_text()
         return cls(cpu, int(status.partition("VmRSS:")[2].split()[0]) / 1024)

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 import threading
 import time
 from contextlib import closing, contextmanager, suppress
@@ -164,6 +165,16 @@ def test_only_a_car_with_a_good_token_is_heard_and_its_token_is_never_seen(mosqu
     tokens.close()
 
 
+def audited(site):
+    return {entry.action for entry in site.durable.store.audit_entries()}
+
+
+def refusals(site):
+    lines = site.client.get("/metrics").text.splitlines()
+    found = (re.fullmatch(r'autowaze_diffs_refused_total\{reason="(\w+)"\} (\d+)', line) for line in lines)
+    return {match[1]: int(match[2]) for match in found if match}
+
+
 def test_what_was_overheard_cannot_be_used(mosquitto, tmp_path, payloads):
     tokens = open_tokens(tmp_path / "cloud.db")
     secret = tokens.add("car", frozenset({Scope.DIFFS}))
@@ -174,6 +185,9 @@ def test_what_was_overheard_cannot_be_used(mosquitto, tmp_path, payloads):
         for topic, message in ((new_car(), signed), ("0123456789abcdef", altered), ("0123456789abcdef", signed[:70])):
             assert answer_to(mosquitto, topic, message)["verdict"] == "later"
         assert site.durable.store.position == 0
+        wait_until(lambda: {"diff refused: unauthorized", "diff refused: not_signed"} <= audited(site))
+        assert refusals(site)["unauthorized"] >= 2
+        assert refusals(site)["not_signed"] >= 1
         assert answer_to(mosquitto, "0123456789abcdef", signed)["verdict"] == "accepted"
         assert answer_to(mosquitto, "0123456789abcdef", signed)["verdict"] == "repeated"
     tokens.close()
@@ -211,6 +225,7 @@ def test_a_car_that_sends_too_much_is_told_to_wait(mosquitto, tmp_path, payloads
 
 def test_garbage_on_the_topic_of_diffs_does_no_harm(mosquitto, tmp_path, payloads):
     with running(tmp_path / "cloud.db", broker=mosquitto.address), car(tmp_path / "outbox", mosquitto) as uplink:
+        wait_for_service(mosquitto)
         noise = BrokerSession(mosquitto.address, "noise", [], lambda session, message: None)
         for size in (0, 1, 100, 1 << 20):
             noise.publish(diffs_topic("aaaaaaaabbbb"), b"x" * size)

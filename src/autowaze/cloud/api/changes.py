@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import AsyncIterator
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from http import HTTPStatus
 from typing import Annotated, Any
 
@@ -37,11 +38,13 @@ class Event:
     kind: str
     data: str
 
-    def as_server_sent(self) -> str:
-        """The event in text/event-stream."""
-        return f"id: {self.version}\nevent: {self.kind}\ndata: {self.data}\n\n"
+    @cached_property
+    def server_sent(self) -> bytes:
+        """The event in text/event-stream, made once for all who listen."""
+        return f"id: {self.version}\nevent: {self.kind}\ndata: {self.data}\n\n".encode()
 
-    def as_message(self) -> str:
+    @cached_property
+    def message(self) -> str:
         """The event as a WebSocket message."""
         return f'{{"event":"{self.kind}","version":{self.version},"data":{self.data}}}'
 
@@ -55,7 +58,13 @@ class ChangeFeed:
         self.listeners: Listeners[Event] = Listeners(MOST_LISTENERS)
 
     def publish(self, update: Update) -> None:
-        """Tell everyone which spots an update changed."""
+        """Tell everyone which spots an update changed; where updates before it never came, that some were missed.
+
+        A commit of which no answer came may have been kept: then the map has gone on, and nobody was told how.
+        """
+        if update.version > self._version + 1:
+            self._start_anew(update.version)
+            return
         self._version = update.version
         if not update.spots:
             return
@@ -69,6 +78,11 @@ class ChangeFeed:
             for state in update.spots
         ]
         self._tell(Event(update.version, "spots", json.dumps({"spots": spots}, separators=(",", ":"))))
+
+    def _start_anew(self, version: int) -> None:
+        self._version = self._complete_since = version
+        self._events.clear()
+        self.listeners.tell(Event(version, "reset", "{}"))
 
     def announce_parking_map(self, version: int) -> None:
         """Tell everyone that spots were drawn anew; `version` is that of the parking map."""
@@ -116,9 +130,9 @@ def change_routes(feed: ChangeFeed) -> APIRouter:
         feed.listeners.require_room()
         resumed = int(last_event_id) if last_event_id and last_event_id.isdecimal() else since
 
-        async def lines() -> AsyncIterator[str]:
+        async def lines() -> AsyncIterator[bytes]:
             async for event in feed.listen(resumed):
-                yield ": quiet\n\n" if event is None else event.as_server_sent()
+                yield b": quiet\n\n" if event is None else event.server_sent
 
         return StreamingResponse(lines(), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"})
 
@@ -146,5 +160,5 @@ def change_routes(feed: ChangeFeed) -> APIRouter:
 async def _send(socket: WebSocket, feed: ChangeFeed, since: int | None) -> None:
     async for event in feed.listen(since):
         if event is not None:  # the protocol's own pings are the sign of life
-            await socket.send_text(event.as_message())
+            await socket.send_text(event.message)
     await socket.close(code=1012, reason="come back from the version that you have")

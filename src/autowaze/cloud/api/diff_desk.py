@@ -61,3 +61,15 @@ class DiffDesk:
             return Acknowledgement(sha256, verdict, map_version=update.version)
         self._meters.refuse(reason)
         return acknowledgement
+
+    def turn_away(self, car: str, reason: str, detail: str, token: str = "") -> None:
+        """Count and note a diff of which is not known that its car may hand it in.
+
+        Args:
+            car: what it calls itself.
+            reason: for the meters, one word.
+            detail: one line for a person.
+            token: name of the token that it holds, if any.
+        """
+        self._meters.refuse(reason)
+        self._guard.turned_away(token, reason, f"by MQTT from {car}: {detail}")

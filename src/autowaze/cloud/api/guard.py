@@ -97,6 +97,10 @@ class Guard:
         self._note(sender or "", f"diff refused: {reason}", detail if sender else f"from {bearer}: {detail}")
         return reason
 
+    def turned_away(self, actor: str, reason: str, detail: str) -> None:
+        """Note that a diff did not get as far as being judged; the actor is a token's name, empty for nobody known."""
+        self._note(actor, f"diff refused: {reason}", detail)
+
     def count_bytes(self, bearer: str, size: int) -> None:
         """Count the bytes of one diff; raises `ProblemError` 429 when a bearer sends too many a day."""
         if self._tokens is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from bisect import bisect_left
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -63,7 +64,7 @@ class Meters:
         self.repeated += not accepted
         self.received_bytes += size
         self.delay_sum_s += delay_s
-        self.delays[sum(delay_s > bound for bound in DELAY_BOUNDS_S)] += 1
+        self.delays[bisect_left(DELAY_BOUNDS_S, delay_s)] += 1
         self._newest.append((self.clock(), 1000 * delay_s))
 
     def recent(self, now: float) -> RecentDiffs:

@@ -120,15 +120,18 @@ class MqttGateway:
         try:
             signed = parse_signed_diff(payload)
         except WireError as error:
+            self._desk.turn_away(car, "not_signed", str(error))
             return _later(payload, str(error)).encode()
         if self._tokens is None:
             return (await self._desk.hand_in(signed.diff, car)).encode()
         known = self._signer(self._tokens, signed, car)
         if known is None:
-            return _later(signed.diff, "no good token signed this diff").encode()
+            self._desk.turn_away(car, "unauthorized", reason := "no good token signed this diff")
+            return _later(signed.diff, reason).encode()
         token, token_hash = known
         if Scope.DIFFS not in token.scopes:
-            return _later(signed.diff, f"this token lacks the scope {Scope.DIFFS}").encode(car, token_hash)
+            self._desk.turn_away(car, "forbidden", reason := f"this token lacks the scope {Scope.DIFFS}", token.name)
+            return _later(signed.diff, reason).encode(car, token_hash)
         return (await self._desk.hand_in(signed.diff, token.name)).encode(car, token_hash)
 
     @staticmethod

@@ -119,6 +119,13 @@ def problem_response(
     return JSONResponse(body.model_dump(), status, headers)
 
 
+async def problem_of(request: Request, error: Exception) -> JSONResponse:
+    """What an application that `answer_with_problems` says of an error."""
+    if isinstance(error, HTTPException):
+        return await _of_http(request, error)
+    return await _of_ours(request, error)
+
+
 async def _of_http(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
     name = error.error if isinstance(error, ProblemError) else HTTPStatus(error.status_code).name.lower()

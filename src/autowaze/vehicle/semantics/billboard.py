@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from autowaze.vehicle.semantics.box_filter import boxes_to_measurements
 from autowaze.vehicle.semantics.instance_depth import InstanceDepths
 from autowaze.world.camera import StereoCamera
 from autowaze.world.labels import ClassLabel
@@ -55,13 +54,13 @@ class Billboards:
         self._measured = self._measured[rows]
 
     def shift(self, T_map_cam: Pose | None) -> NDArray[np.float64]:
-        """Change (T, 4) of u, v, s, r of the boxes since the frame before, were they to stand; zero where unknown."""
+        """Motion (T, 4) of the boxes' edges since the frame before, were they to stand, px; zero where unknown."""
         before, self._T_map_cam = self._T_map_cam, T_map_cam
         if before is None or T_map_cam is None:
             return np.zeros((len(self._corners), 4))
         then, _ = self._project(np.arange(len(self._corners)), before)
         now, _ = self._project(np.arange(len(self._corners)), T_map_cam)
-        return np.nan_to_num(boxes_to_measurements(now) - boxes_to_measurements(then))
+        return np.nan_to_num(now - then)
 
     def depth(self) -> NDArray[np.float64]:
         """Depth (T,) in metres at which each track should be seen in this frame; NaN unless stereo placed it."""

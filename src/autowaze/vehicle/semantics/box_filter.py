@@ -54,7 +54,10 @@ class BoxFilter:
         self.covariance = np.concatenate([self.covariance, _diagonal(spread)])
 
     def predict(self, shift: NDArray[np.float64]) -> None:
-        """One frame ahead; `shift` (N, 4) is the known change of u, v, s, r, zero where none is known."""
+        """One frame ahead; `shift` (N, 4) is the known motion of the edges in px, zero where none is known.
+
+        Edges, because the border of the image stops one of them while the others move on.
+        """
         size, area = _size(self.mean), self.mean[:, 2]
         drift = np.stack(
             [
@@ -69,8 +72,9 @@ class BoxFilter:
             axis=1,
         )
         self.mean = self.mean @ _F.T
-        self.mean[:, :N_MEASURED] += shift
         self._keep_positive()
+        shifted = shift.any(axis=1)
+        self.mean[shifted, :N_MEASURED] = boxes_to_measurements(states_to_boxes(self.mean[shifted]) + shift[shifted])
         self.covariance = _F @ self.covariance @ _F.T + _diagonal(drift)
 
     def correct(self, rows: NDArray[np.int64], measurements: NDArray[np.float64]) -> None:
@@ -81,6 +85,10 @@ class BoxFilter:
         self.mean[rows] = mean + np.einsum("nij,nj->ni", gain, measurements - mean[:, :N_MEASURED])
         self.covariance[rows] = P - gain @ P[:, :N_MEASURED]
         self._keep_positive()
+
+    def forget_rates(self, rows: NDArray[np.int64]) -> None:
+        """Take tracks to be at rest: the centre and area of a box that is cut move with the border."""
+        self.mean[rows, N_MEASURED:] = 0.0
 
     def keep(self, rows: NDArray[np.bool_]) -> None:
         """Drop the other tracks."""

@@ -23,6 +23,8 @@ from autowaze.world.instances import Detections, Tracks
 from autowaze.world.labels import ClassLabel, is_vehicle
 from autowaze.world.pose import Pose
 
+_BORDER_PX = 2.0  # a box that comes as near to the border of the image as this is cut by it
+
 
 @dataclass(frozen=True, slots=True)
 class SortSettings:
@@ -79,11 +81,13 @@ class Sort:
         measured = boxes_to_measurements(detections.box)
         depths = depths if depths is not None else InstanceDepths.unknown(len(detections))
         self._filter.predict(self._billboards.shift(T_map_cam) if self._billboards else np.zeros((len(self._id), 4)))
-        rows = self._match(detections, depths)
+        cut = self._cut(detections.box)
+        rows = self._match(detections, depths, cut)
         self._age += 1
         known = rows >= 0
         self._filter.correct(rows[known], measured[known])
         rows[~known] = self._start_tracks(measured[~known])
+        self._filter.forget_rates(rows[cut.any(axis=1)])
         self._age[rows] = 0
         self._hits[rows] += 1
         self._votes[rows, detections.label] += detections.confidence
@@ -94,9 +98,9 @@ class Sort:
         self._drop_lost()
         return tracks
 
-    def _match(self, detections: Detections, depths: InstanceDepths) -> NDArray[np.int64]:
-        """Row (D,) of the track that each detection continues, -1 for none."""
-        iou, containment = _overlaps(np.asarray(detections.box, np.float64), states_to_boxes(self._filter.mean))
+    def _match(self, detections: Detections, depths: InstanceDepths, cut: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Row (D,) of the track that each detection continues, -1 for none; `cut` (D, 4) by which borders."""
+        iou, containment = _overlaps(np.asarray(detections.box, np.float64), self._foretold())
         same_kind = kinds(detections.label)[:, None] == kinds(self._label())[None, :]
         elsewhere, agree = self._compare_depths(depths)
         rows = np.full(len(detections), -1, np.int64)
@@ -104,11 +108,27 @@ class Sort:
         enough = iou >= np.where(elsewhere, s.min_iou_elsewhere, s.min_iou)
         _assign(rows, np.where(same_kind & enough, np.where(elsewhere, iou - s.min_iou, iou), 0.0))
         _assign(rows, np.where(same_kind & agree & (containment >= s.min_containment), containment, 0.0))
+        # What leaves the image shrinks to a bonnet in its corner, too small for a depth.
+        leaving = (cut[:, None, ::2] & self._cut(self._last_box)[None, :, ::2]).any(axis=2) & (self._age == 0)[None, :]
+        _assign(rows, np.where(same_kind & leaving & ~elsewhere, containment * (containment >= s.min_containment), 0.0))
         # The depth of a thin person is easily that of the wall behind; nobody walks far in a frame.
         still_there, _ = _overlaps(np.asarray(detections.box, np.float64), self._last_box)
         thin = same_kind & ~is_vehicle(detections.label)[:, None] & (self._age == 0)[None, :]
         _assign(rows, np.where(thin & (still_there >= s.min_iou), still_there, 0.0))
         return rows
+
+    def _foretold(self) -> NDArray[np.float64]:
+        """Boxes (T, 4); an edge that the border of the image cut in the frame before is still there."""
+        boxes = states_to_boxes(self._filter.mean)
+        cut = self._cut(self._last_box) & (self._age == 0)[:, None]
+        return np.where(cut, self._last_box, boxes)
+
+    def _cut(self, boxes: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """Which edges (N, 4) of boxes the border of the image makes."""
+        if self.camera is None:
+            return np.zeros(boxes.shape, np.bool_)
+        limit = np.array([self.camera.width, self.camera.height]) - _BORDER_PX
+        return np.concatenate([boxes[:, :2] <= _BORDER_PX, boxes[:, 2:] >= limit], axis=1)
 
     def _compare_depths(self, depths: InstanceDepths) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which detections lie wholly before or behind a track, and which at its depth; (D, T) each."""

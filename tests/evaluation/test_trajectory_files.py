@@ -1,10 +1,13 @@
 """Trajectories in TUM and KITTI format: what evo reads is what we wrote, and the other way round."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from autowaze.cli.evaluate import app
 from autowaze.evaluation.pose_pictures import Estimate, draw_localization, draw_odometry
 from autowaze.evaluation.trajectory import absolute_errors
 from autowaze.evaluation.trajectory_file import read_trajectory, write_tum
@@ -113,3 +116,17 @@ def test_pictures_of_odometry_and_localisation(tmp_path: Path) -> None:
     draw_localization(tmp_path / "localization.png", "in a map", tracked, poses())
     for name in ("odometry.png", "localization.png"):
         assert (tmp_path / name).stat().st_size > 20_000
+
+
+def test_the_command_scores_another_systems_trajectory_beside_ours(kitti: Path, tmp_path: Path) -> None:
+    drive, ours, out = kitti / "odometry_00", tmp_path / "ours.tum", tmp_path / "both.json"
+    first = ["odometry", str(drive), "--frames", "20:32"]
+    assert CliRunner().invoke(app, [*first, "--trajectory", str(ours)]).exit_code == 0
+    plot = tmp_path / "both.png"
+    again = CliRunner().invoke(app, [*first, "--against", str(ours), "--json", str(out), "--plot", str(plot)])
+    assert again.exit_code == 0, again.output
+    results = json.loads(out.read_text())["results"]
+    assert results["ours"]["rpe_mean_cm"] == pytest.approx(results["autowaze"]["rpe_mean_cm"], rel=1e-3)
+    assert plot.stat().st_size > 20_000
+    two = CliRunner().invoke(app, ["odometry", str(drive), str(drive), "--plot", str(plot)])
+    assert isinstance(two.exception, AutowazeError) and "for one drive" in str(two.exception)

@@ -63,12 +63,12 @@ def _fit(
     across = np.array([np.cos(heading), -np.sin(heading)])
     axes = np.stack([along, across])
     coordinates = np.sort(points @ axes.T, axis=0)
-    ends = _quantiles(coordinates, END_QUANTILES)
+    ends, faces = _ends_and_faces(coordinates)
     if ends[1, 1] - ends[0, 1] > max(usual[1] + 1.0, ends[1, 0] - ends[0, 0]):  # it stands across the row
         axes, heading = np.stack([across, -along]), (heading + np.pi / 2) % np.pi
         coordinates = np.sort(points @ axes.T, axis=0)
-        ends = _quantiles(coordinates, END_QUANTILES)
-    low, high = _quantiles(coordinates, FACE_QUANTILES)
+        ends, faces = _ends_and_faces(coordinates)
+    low, high = faces
     span = float(ends[1, 0] - ends[0, 0])
     size = np.array([min(max(span, usual[0]), LONGEST_M), usual[1]])
     towards = np.clip(axes @ view_direction / CERTAIN_VIEW, -1.0, 1.0)
@@ -80,8 +80,14 @@ def _fit(
     return float(centre[0]), float(centre[1]), float(size[0]), float(size[1]), float(heading)
 
 
-def _quantiles(ascending: NDArray[np.float64], shares: tuple[float, float]) -> NDArray[np.float64]:
-    """Quantiles (2, K) of sorted columns (N, K), linear between ranks; np.quantile takes ten times as long."""
+def _ends_and_faces(ascending: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where a vehicle ends, and where its faces lie, low and high (2, K), in sorted columns (N, K)."""
+    both = _quantiles(ascending, END_QUANTILES + FACE_QUANTILES)
+    return both[:2], both[2:]
+
+
+def _quantiles(ascending: NDArray[np.float64], shares: tuple[float, ...]) -> NDArray[np.float64]:
+    """Quantiles (S, K) of sorted columns (N, K), linear between ranks; np.quantile takes ten times as long."""
     rank = np.array(shares) * (len(ascending) - 1)
     below = rank.astype(np.int64)
     above = np.minimum(below + 1, len(ascending) - 1)

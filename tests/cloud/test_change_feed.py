@@ -3,9 +3,11 @@
 import asyncio
 
 import numpy as np
+import pytest
 
 from autowaze.cloud.api.changes import KEPT_EVENTS, ChangeFeed
-from autowaze.cloud.api.listeners import MOST_UNREAD
+from autowaze.cloud.api.listeners import MOST_UNREAD, Listeners
+from autowaze.cloud.api.problems import ProblemError
 from autowaze.cloud.broadcast import Update
 from autowaze.world.feature_map import MapFeatures
 from autowaze.world.map_update import MapUpdate
@@ -58,6 +60,47 @@ def test_who_was_away_too_long_starts_anew():
         feed.publish(update(version))
     assert heard(feed, 1, 1) == [("reset", KEPT_EVENTS + 2)]
     assert heard(feed, 2, 1) == [("spots", 3)]
+
+
+def test_a_version_of_which_nobody_was_told_makes_listeners_start_anew():
+    feed = ChangeFeed(0)
+    feed.publish(update(1))
+
+    async def listen():
+        listening = feed.listen(1)
+        assert (await anext(listening)).kind == "current"
+        feed.publish(update(3))  # the commit of 2 was kept, though no answer came
+        event = await anext(listening)
+        assert (event.kind, event.version) == ("reset", 3)
+        feed.publish(update(4))
+        assert (await anext(listening)).kind == "spots"
+        await listening.aclose()
+
+    asyncio.run(listen())
+    assert heard(feed, 1, 1) == [("reset", 4)]
+    assert heard(feed, 3, 1) == [("spots", 4)]
+
+
+def test_one_address_cannot_take_the_place_of_all_listeners():
+    async def listen():
+        listeners = Listeners(most=4, per_address=2)
+        crowd = [listeners.listen(lambda: ["first"], "192.0.2.1") for _ in range(2)]
+        for listening in crowd:
+            await anext(listening)
+        assert not listeners.has_room("192.0.2.1")
+        with pytest.raises(ProblemError, match="too many listen"):
+            listeners.require_room("192.0.2.1")
+        assert listeners.has_room("192.0.2.2")
+        near = [listeners.listen(lambda: ["first"], "127.0.0.1") for _ in range(2)]
+        for listening in near:
+            await anext(listening)
+        assert not listeners.has_room("192.0.2.2")
+        await crowd[0].aclose()
+        assert listeners.has_room("192.0.2.1")
+        for listening in [crowd[1], *near]:
+            await listening.aclose()
+
+    asyncio.run(listen())
 
 
 def test_a_listener_that_does_not_read_is_let_go_and_the_others_hear_on():

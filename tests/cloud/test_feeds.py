@@ -141,6 +141,23 @@ def test_every_answer_carries_security_headers(site):
     assert site.client.options("/v1/diffs", headers=preflight).status_code == 400
 
 
+def test_only_pages_of_named_origins_may_read_and_none_may_hand_in(tmp_path, payloads):
+    with running(tmp_path / "cloud.db", origins=["https://city.example"]) as site:
+        for origin, allowed in (("https://city.example", "https://city.example"), ("https://evil.example", None)):
+            headers = site.client.get("/spots.geojson", headers={"Origin": origin}).headers
+            assert headers.get("Access-Control-Allow-Origin") == allowed
+            assert "Access-Control-Allow-Credentials" not in headers
+            preflight = {"Origin": origin, "Access-Control-Request-Method": "POST"}
+            assert site.client.options("/v1/diffs", headers=preflight).status_code == 400
+        by_car = site.hand_in(payloads[0])
+        by_page = site.hand_in(payloads[0], Origin="https://city.example")
+        assert by_page.headers["Access-Control-Allow-Origin"] == "https://city.example"
+        for answer in (by_car, by_page, site.hand_in(b"nonsense")):
+            assert answer.headers["Content-Security-Policy"] == "default-src 'none'; frame-ancestors 'none'"
+            assert answer.headers["X-Content-Type-Options"] == "nosniff"
+            assert answer.headers["Content-Type"] == "application/json"
+
+
 def test_the_interface_is_documented(site):
     document = site.client.get("/openapi.json").json()
     assert {"/v1/diffs", "/vacant", "/spots.geojson", "/map", "/map/updates", "/changes"} <= set(document["paths"])

@@ -12,7 +12,7 @@ from functools import cached_property
 from http import HTTPStatus
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Query, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, Header, Query, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import StreamingResponse
 
 from autowaze.cloud.api.listeners import Listeners
@@ -88,9 +88,9 @@ class ChangeFeed:
         """Tell everyone that spots were drawn anew; `version` is that of the parking map."""
         self._tell(Event(self._version, "parking_map", json.dumps({"version": version})))
 
-    def listen(self, since: int | None) -> AsyncIterator[Event | None]:
+    def listen(self, since: int | None, address: str | None = None) -> AsyncIterator[Event | None]:
         """Events from now on, after those missed since a version; None when all is quiet; ends when it must."""
-        return self.listeners.listen(lambda: self._missed(since))
+        return self.listeners.listen(lambda: self._missed(since), address)
 
     def _tell(self, event: Event) -> None:
         if len(self._events) == KEPT_EVENTS:
@@ -124,21 +124,22 @@ def change_routes(feed: ChangeFeed) -> APIRouter:
         },
     )
     async def follow(
-        since: _Version = None, last_event_id: Annotated[str | None, Header(max_length=20)] = None
+        request: Request, since: _Version = None, last_event_id: Annotated[str | None, Header(max_length=20)] = None
     ) -> StreamingResponse:
         """Changes of spots as they happen; a browser's EventSource resumes by itself."""
-        feed.listeners.require_room()
+        address = request.client.host if request.client else None
+        feed.listeners.require_room(address)
         resumed = int(last_event_id) if last_event_id and last_event_id.isdecimal() else since
 
         async def lines() -> AsyncIterator[bytes]:
-            async for event in feed.listen(resumed):
+            async for event in feed.listen(resumed, address):
                 yield b": quiet\n\n" if event is None else event.server_sent
 
         return StreamingResponse(lines(), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"})
 
     @router.websocket("/changes/ws")
     async def follow_by_socket(socket: WebSocket, since: _Version = None) -> None:
-        if feed.listeners.is_full:
+        if not feed.listeners.has_room(socket.client.host if socket.client else None):
             await socket.close(code=1013, reason="too many listen already")
             return
         await socket.accept()
@@ -158,7 +159,7 @@ def change_routes(feed: ChangeFeed) -> APIRouter:
 
 
 async def _send(socket: WebSocket, feed: ChangeFeed, since: int | None) -> None:
-    async for event in feed.listen(since):
+    async for event in feed.listen(since, socket.client.host if socket.client else None):
         if event is not None:  # the protocol's own pings are the sign of life
             await socket.send_text(event.message)
     await socket.close(code=1012, reason="come back from the version that you have")

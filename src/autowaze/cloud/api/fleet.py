@@ -145,18 +145,19 @@ def fleet_routes(feed: FleetFeed, guard: Guard) -> APIRouter:
     )
     async def follow(request: Request) -> StreamingResponse:
         """Cars and diffs as they come."""
-        feed.listeners.require_room()
-        lines = _lines(feed, lambda: admits(request))
+        address = request.client.host if request.client else None
+        feed.listeners.require_room(address)
+        lines = _lines(feed, lambda: admits(request), address)
         return StreamingResponse(lines, media_type="text/event-stream", headers={"X-Accel-Buffering": "no"})
 
     return router
 
 
-async def _lines(feed: FleetFeed, readmit: Callable[[], Awaitable[str]]) -> AsyncIterator[str]:
+async def _lines(feed: FleetFeed, readmit: Callable[[], Awaitable[str]], address: str | None) -> AsyncIterator[str]:
     """The stream of one listener, for as long as its token is good."""
     yield ": cars and diffs from now on\n\n"
     admitted_at = time.monotonic()
-    async for event in feed.listeners.listen():
+    async for event in feed.listeners.listen(address=address):
         if time.monotonic() - admitted_at > ADMITTED_FOR_S:
             try:
                 await readmit()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections import Counter
+from collections.abc import AsyncIterator, Callable, Iterable, Sequence
 from http import HTTPStatus
 from typing import Generic, TypeVar
 
@@ -14,6 +15,11 @@ MOST_UNREAD = 1024
 QUIET_S = 15.0
 """After so long without an event a sign of life is sent, so that proxies keep the connection."""
 
+MOST_PER_ADDRESS = 64
+"""Listeners of one address; some people share that of an office."""
+SPARED = ("127.0.0.1", "::1")
+"""A proxy on this machine keeps its own watch."""
+
 _Event = TypeVar("_Event")
 
 
@@ -22,10 +28,15 @@ class Listeners(Generic[_Event]):
 
     Args:
         most: how many may listen at a time.
+        per_address: how many of them from one address.
+        spared: addresses of which any number may come.
     """
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, most: int, per_address: int = MOST_PER_ADDRESS, spared: Sequence[str] = SPARED) -> None:
         self.most = most
+        self._per_address = per_address
+        self._spared = spared
+        self._addresses: Counter[str] = Counter()
         self._inboxes: set[asyncio.Queue[_Event | None]] = set()
         self._closed = False
 
@@ -33,14 +44,14 @@ class Listeners(Generic[_Event]):
         """How many listen."""
         return len(self._inboxes)
 
-    @property
-    def is_full(self) -> bool:
-        """Whether no more may come."""
-        return len(self._inboxes) >= self.most
+    def has_room(self, address: str | None = None) -> bool:
+        """Whether one more may come from an address."""
+        crowded = address not in self._spared and self._addresses[address or ""] >= self._per_address
+        return len(self._inboxes) < self.most and not crowded
 
-    def require_room(self) -> None:
-        """Turn away with `ProblemError` 503 who would be one too many."""
-        if self.is_full:
+    def require_room(self, address: str | None = None) -> None:
+        """Turn away with `ProblemError` 503 who would be one too many, on the whole or of an address."""
+        if not self.has_room(address):
             raise ProblemError(
                 HTTPStatus.SERVICE_UNAVAILABLE, "busy", "too many listen already: come back later", {"Retry-After": "2"}
             )
@@ -53,12 +64,15 @@ class Listeners(Generic[_Event]):
             except asyncio.QueueFull:
                 self._let_go(inbox)
 
-    async def listen(self, first: Callable[[], Iterable[_Event]] = tuple) -> AsyncIterator[_Event | None]:
+    async def listen(
+        self, first: Callable[[], Iterable[_Event]] = tuple, address: str | None = None
+    ) -> AsyncIterator[_Event | None]:
         """Events from now on, after those that came `first`; None when all is quiet; ends when it must."""
         if self._closed:
             return
         inbox: asyncio.Queue[_Event | None] = asyncio.Queue(MOST_UNREAD)
         self._inboxes.add(inbox)
+        self._addresses[address or ""] += 1
         try:
             for event in first():
                 yield event
@@ -73,6 +87,8 @@ class Listeners(Generic[_Event]):
                 yield next_event
         finally:
             self._inboxes.discard(inbox)
+            self._addresses[address or ""] -= 1
+            self._addresses += Counter()  # forgets those of whom nobody is left
 
     def close(self) -> None:
         """Let every listener go, and those who come."""

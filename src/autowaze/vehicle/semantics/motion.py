@@ -103,11 +103,28 @@ class _Belief:
     last_seen: float
 
 
+@dataclass(frozen=True)
+class _Velocity:
+    """Mean (2,) in m/s with its covariance (2, 2), measured over a span of seconds."""
+
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    span: float
+
+    def agrees_with(self, other: _Velocity) -> bool:
+        """Whether both may be of one motion, given what traffic may change in between."""
+        changed = np.eye(2) * (_ACCELERATION * abs(self.span - other.span)) ** 2
+        difference = self.mean - other.mean
+        covariance = self.covariance + other.covariance + changed
+        return bool(difference @ np.linalg.solve(covariance, difference) < _GATE_2)
+
+
 # Before any evidence: vehicles mostly stand at the kerb, people mostly walk.
 _PRIOR_LOG_ODDS = {ClassLabel.PERSON: 1.0, ClassLabel.ANIMAL: 1.0, ClassLabel.TWO_WHEELER: 0.0}
 _PRIOR_LOG_ODDS_OTHERS = -1.0
 _MAX_LOG_ODDS, _MAX_STEP = 6.0, 3.0
 _GATE = 11.34  # chi-square, 3 degrees of freedom, 99 %
+_GATE_2 = 9.21  # the same of 2
 _BACKGROUND_M, _BACKGROUND_FEATURES, _MIN_BACKGROUND = 20.0, 300, 20
 _MIN_JUMP_M = 0.15  # below it the displacement of the background is noise
 _ACCELERATION = 2.0  # m/s^2, standard deviation of what traffic does
@@ -140,9 +157,7 @@ class MotionClassifier:
         now = self._sight(features, T_map_cam, timestamp)
         ids, first = np.unique(now.instance, return_index=True)
         self._remember(ids, now.label[first], timestamp)
-        judged: set[int] = set()
-        for earlier in self._earlier(timestamp):
-            self._compare(now, earlier, judged)
+        self._judge(now)
         self._sightings.append(now)
         beliefs = [self._beliefs[int(i)] for i in ids]
         moving = np.array([b.log_odds > 0 for b in beliefs], np.bool_)
@@ -217,8 +232,29 @@ class MotionClassifier:
                 found.append(nearest)
         return found
 
-    def _compare(self, now: _Sighting, earlier: _Sighting, judged: set[int]) -> None:
-        """Add the evidence of the instances that are found again in an earlier frame and not judged yet."""
+    def _judge(self, now: _Sighting) -> None:
+        """Add the evidence of the longest span that can be believed, for each instance that is found again.
+
+        Two wheels of a car look alike: taken for one they make it seem to drive. The way between them is the same
+        over any span, while that of what moves grows with it, so motion must show at one speed over two spans.
+        """
+        judged: set[int] = set()
+        claims: dict[int, _Velocity] = {}
+        earlier = self._earlier(now.timestamp)
+        for number, sighting in enumerate(earlier):
+            shortest = number + 1 == len(earlier)
+            for instance, found in self._velocities(now, sighting, judged).items():
+                claim = claims.get(instance)
+                confirmed = claim is not None and claim.agrees_with(found)
+                alone = shortest and claim is None  # a longer span could tell nothing
+                if self._log_factor(found) > 0 and not confirmed and not alone:
+                    claims[instance] = found
+                    continue
+                judged.add(instance)
+                self._weigh(self._beliefs[instance], claim if claim and confirmed else found, now.timestamp)
+
+    def _velocities(self, now: _Sighting, earlier: _Sighting, judged: set[int]) -> dict[int, _Velocity]:
+        """Velocities of the instances that are found again in an earlier frame and not judged yet."""
         partner = match_within_instances(now.descriptor, now.instance, earlier.descriptor, earlier.instance)
         rows = np.flatnonzero(partner >= 0)
         partner = partner[rows]
@@ -227,32 +263,34 @@ class MotionClassifier:
         covariance = now.covariance[rows] + earlier.covariance[partner]
         common = now.common[rows] + earlier.common[partner]
         ids, first, counts = np.unique(now.instance[rows], return_index=True, return_counts=True)
+        found = {}
         for instance, start, n in zip(ids.tolist(), first.tolist(), counts.tolist(), strict=True):
             if instance in judged or n < self.settings.min_matches:
                 continue
             part = slice(start, start + n)
             agreed = _consensus(displacement[part], covariance[part], self.settings.min_matches)
             if agreed is not None:
-                judged.add(instance)
                 mean, spread = agreed
                 P = (spread + common[part].mean(axis=0))[:2, :2] / span**2
-                self._weigh(self._beliefs[instance], mean[:2] / span, P, span, now.timestamp)
+                found[instance] = _Velocity(mean[:2] / span, P, span)
+        return found
 
-    def _weigh(
-        self, belief: _Belief, velocity: NDArray[np.float64], P: NDArray[np.float64], span: float, timestamp: float
-    ) -> None:
-        """Bayes factor of moving over standing for a measured velocity (2,) with covariance (2, 2)."""
+    def _log_factor(self, found: _Velocity) -> float:
+        """Log of the Bayes factor of moving over standing."""
         s = self.settings
-        factor = _log_normal(velocity, P + np.eye(2) * s.moving_mps**2) - _log_normal(
-            velocity, P + np.eye(2) * s.still_mps**2
+        return _log_normal(found.mean, found.covariance + np.eye(2) * s.moving_mps**2) - _log_normal(
+            found.mean, found.covariance + np.eye(2) * s.still_mps**2
         )
+
+    def _weigh(self, belief: _Belief, found: _Velocity, timestamp: float) -> None:
+        """Take a measured velocity into a belief."""
         elapsed = timestamp - self._sightings[-1].timestamp
         # Spans of successive frames overlap: each brings only its own share of news.
-        step = np.clip(factor * min(elapsed / span, 1.0), -_MAX_STEP, _MAX_STEP)
+        step = np.clip(self._log_factor(found) * min(elapsed / found.span, 1.0), -_MAX_STEP, _MAX_STEP)
         belief.log_odds = float(np.clip(belief.log_odds + step, -_MAX_LOG_ODDS, _MAX_LOG_ODDS))
         drifted = belief.covariance + np.eye(2) * (_ACCELERATION * elapsed) ** 2
-        gain = drifted @ np.linalg.inv(drifted + P)
-        belief.velocity = belief.velocity + gain @ (velocity - belief.velocity)
+        gain = drifted @ np.linalg.inv(drifted + found.covariance)
+        belief.velocity = belief.velocity + gain @ (found.mean - belief.velocity)
         belief.covariance = drifted - gain @ drifted
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -57,7 +56,7 @@ class MotionScore:
     wrong: dict[bool, int] = field(default_factory=lambda: {True: 0, False: 0})
     unjudged: int = 0
     last: dict[int, bool] = field(default_factory=dict)
-    _seen_s: defaultdict[int, float] = field(default_factory=lambda: defaultdict(float))
+    _seen_s: dict[int, float] = field(default_factory=dict)
     _before: float | None = None
 
     def add(self, timestamp: float, truth: TrueInstances, track_id: NDArray[np.int64], motions: Motions) -> None:
@@ -69,9 +68,8 @@ class MotionScore:
         for vehicle, moves, track in zip(
             truth.id[near].tolist(), truth.moving[near].tolist(), track_id[near].tolist(), strict=True
         ):
-            asked = self._seen_s[vehicle] >= MOTION_SEEN_S - 1e-6
-            self._seen_s[vehicle] += step
-            if not asked:
+            self._seen_s[vehicle] = self._seen_s.get(vehicle, -step) + step
+            if self._seen_s[vehicle] < MOTION_SEEN_S - 1e-6:
                 continue
             if track not in verdicts:
                 self.unjudged += 1

@@ -108,13 +108,15 @@ class Sort:
         enough = iou >= np.where(elsewhere, s.min_iou_elsewhere, s.min_iou)
         _assign(rows, np.where(same_kind & enough, np.where(elsewhere, iou - s.min_iou, iou), 0.0))
         _assign(rows, np.where(same_kind & agree & (containment >= s.min_containment), containment, 0.0))
-        # What leaves the image shrinks to a bonnet in its corner, too small for a depth.
-        leaving = (cut[:, None, ::2] & self._cut(self._last_box)[None, :, ::2]).any(axis=2) & (self._age == 0)[None, :]
-        _assign(rows, np.where(same_kind & leaving & ~elsewhere, containment * (containment >= s.min_containment), 0.0))
+        # What leaves the image shrinks within its box to a bonnet in the corner, too small for a depth.
+        there, still_inside = _overlaps(np.asarray(detections.box, np.float64), self._last_box)
+        seen_before = (self._age == 0)[None, :]
+        leaving = seen_before & (cut[:, None, ::2] & self._cut(self._last_box)[None, :, ::2]).any(axis=2)
+        inside = still_inside >= s.min_containment
+        _assign(rows, np.where(same_kind & leaving & inside & ~elsewhere, still_inside, 0.0))
         # The depth of a thin person is easily that of the wall behind; nobody walks far in a frame.
-        still_there, _ = _overlaps(np.asarray(detections.box, np.float64), self._last_box)
-        thin = same_kind & ~is_vehicle(detections.label)[:, None] & (self._age == 0)[None, :]
-        _assign(rows, np.where(thin & (still_there >= s.min_iou), still_there, 0.0))
+        thin = same_kind & ~is_vehicle(detections.label)[:, None] & seen_before
+        _assign(rows, np.where(thin & (there >= s.min_iou), there, 0.0))
         return rows
 
     def _foretold(self) -> NDArray[np.float64]:

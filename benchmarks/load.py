@@ -36,6 +36,7 @@ class Tally:
             performance counter, and how long until it was acknowledged and until a listener was told.
         statuses: answers by status.
         late: diffs whose car was still waiting for its last answer.
+        closed: connections that the service ended before the cars did.
     """
 
     sent_at: dict[int, float] = field(default_factory=dict)
@@ -44,6 +45,7 @@ class Tally:
     statuses: dict[int, int] = field(default_factory=dict)
     sizes: list[int] = field(default_factory=list)
     late: int = 0
+    closed: int = 0
 
     def broadcast_s(self) -> list[float]:
         return [self.told_at[v] - self.sent_at[v] for v in self.told_at.keys() & self.sent_at.keys()]
@@ -62,6 +64,9 @@ class Car(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._tally.closed += 1
 
     def hand_in(self, payload: bytes) -> None:
         self.waits, self._answer = True, b""
@@ -156,6 +161,7 @@ async def measure(port: int, pid: int, fleet: Fleet, rate: float, seconds: float
         "diffs_per_s": round(accepted / seconds, 1),
         "statuses": tally.statuses,
         "late": tally.late,
+        "closed": tally.closed,
         "diff_bytes_median": int(np.median(tally.sizes)),
         "acknowledged_ms_p50_p99": _percentiles_ms(acknowledged),
         "broadcast_ms_p50_p99": _percentiles_ms(told),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import socket
 import sys
 from pathlib import Path
@@ -18,6 +19,11 @@ MOST_CONNECTIONS = 4096
 SWITCH_S = 0.0005
 """How long the thread that takes diffs in may keep the interpreter while requests wait; with Python's 5 ms half of the
 time of a diff is spent waiting for it."""
+MOST_YOUNG = 20_000
+"""Objects made before Python looks for cycles among them. A batch of diffs makes thousands, none of them in cycles;
+what was there before the start is looked at no more."""
+IDLE_S = 60
+"""How long a connection may wait for its next request: a car hands in a diff every few seconds while it drives."""
 GRACE_S = 5
 """How long requests may go on after the order to stop."""
 
@@ -48,6 +54,7 @@ class WebServer(uvicorn.Server):
                 ws="websockets-sansio",
                 ws_max_size=MAX_MESSAGE_BYTES,
                 limit_concurrency=MOST_CONNECTIONS,
+                timeout_keep_alive=IDLE_S,
                 timeout_graceful_shutdown=GRACE_S,
             )
         )
@@ -59,11 +66,15 @@ class WebServer(uvicorn.Server):
 
     def run(self, sockets: list[socket.socket] | None = None) -> None:
         """Serve until told to stop."""
-        before = sys.getswitchinterval()
+        before, thresholds = sys.getswitchinterval(), gc.get_threshold()
         sys.setswitchinterval(SWITCH_S)
+        gc.freeze()
+        gc.set_threshold(MOST_YOUNG, *thresholds[1:])
         try:
             super().run(sockets)
         finally:
+            gc.set_threshold(*thresholds)
+            gc.unfreeze()
             sys.setswitchinterval(before)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:

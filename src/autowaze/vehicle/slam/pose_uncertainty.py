@@ -9,7 +9,7 @@ from autowaze.world.pose import Pose
 
 # Squared errors over the variances that pose optimisation states, measured on simulated drives over 0.1 to 20 s: it
 # takes landmarks for independent, though what shares a surface or a keyframe shares an error.
-_INFLATION = 4.0
+_INFLATION = 2.5
 _SCALE_SIGMA = 0.001  # of the distance driven: rectification and matching err the same way in every frame
 _NO_DRIFT = np.zeros((6, 6))
 

@@ -16,7 +16,7 @@ class SlamSettings:
         n_levels, scale_factor: of the ORB pyramid.
         corner_sigma_px, disparity_sigma_px: standard deviations at level 0, coarser levels in proportion. After bundle
             adjustment the inliers' residuals spread by 0.18 and 0.11 px (median absolute deviation), at every level and
-            on every drive; twice that leaves room for what residuals do not show.
+            on every drive; more than twice that leaves room for what residuals do not show.
         close_baselines: disparities hold the pose up to this depth (ORB-SLAM2: 35 baselines). Real rigs are rectified
             to a tenth or two of a pixel, the same for all features of an image region, so it does not average out:
             farther away it is a large error of the scale, and directions tell more.
@@ -41,8 +41,8 @@ class SlamSettings:
 
     n_levels: int = 8
     scale_factor: float = 1.2
-    corner_sigma_px: float = 0.3
-    disparity_sigma_px: float = 0.25
+    corner_sigma_px: float = 0.4
+    disparity_sigma_px: float = 0.3
     close_baselines: float = 20.0
     max_hamming: int = 80
     ratio: float = 0.85

@@ -181,9 +181,7 @@ class VehicleNode:
         # Features without descriptor are for the diff, nobody can localise by them.
         localizing = FeatureMap(stored.features[stored.features.described], stored.georeference) if stored else None
         self.slam = StereoSlam(self.camera, stored_map=localizing, T_map_start=T_start, position_prior=prior)
-        self.window = DiffWindow(
-            self.camera, self.session, self.settings.diff, stored, self.georeference, self._spots
-        )
+        self.window = DiffWindow(self.camera, self.session, self.settings.diff, stored, self.georeference, self._spots)
 
     def _closed_window(self) -> SemanticMapDiff:
         """The window's diff; the next one may be of another session."""

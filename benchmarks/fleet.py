@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import shapely
 import zstandard
 from numpy.typing import NDArray
 from shapely.affinity import translate
 
+from autowaze.vehicle.ground_grid import ground_that_matters
 from autowaze.world import wire_pb2 as pb
 from autowaze.world.column_codec import pack_integers
 from autowaze.world.feature_map import MapFeatures
@@ -123,7 +125,9 @@ def _passes() -> list[list[_Window]]:
 def _window(diff: SemanticMapDiff, arrived: list[int], rng: np.random.Generator) -> _Window:
     """Only the vehicles that arrived are new to a car that carries the map."""
     kept = diff.new[np.isin(diff.new.instance_key & np.uint64((1 << 24) - 1), arrived)]
-    ground = diff.ground[np.lexsort((diff.ground.ix, diff.ground.iy))]
+    # A car knows the parking map and tells of the ground there alone.
+    at_spots = shapely.contains_xy(ground_that_matters(STREET.parking_map), *diff.ground.centre.T)
+    ground = diff.ground[np.asarray(at_spots)]
     new = MapFeatures.concatenate([kept, _static_features(diff, rng)])
     new.id = feature_ids(diff.session, diff.sequence, len(new))
     instances = diff.instances[np.isin(diff.instances.id, arrived)]

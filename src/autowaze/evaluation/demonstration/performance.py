@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 
 from autowaze.evaluation.accuracy import confusion
@@ -51,9 +52,17 @@ class Performance:
             found.append(crews.submit(drive.street + 1, crew.survey, *job))
         for future in rendered.values():
             future.result()
-        messages = [message for future in found for message in future.result()]
-        save_map(integrated(messages, origin), self._runs / BASE_MAP)
-        return found_city([self._place(drive) for drive in story.surveys], origin, self._runs)
+        messages = [future.result() for future in found]
+        base_map = self._runs / BASE_MAP
+        save_map(integrated(chain.from_iterable(messages), origin), base_map)
+        city = found_city([self._place(drive) for drive in story.surveys], origin, self._runs)
+        rehearsals = [
+            crews.submit(drive.street, crew.rehearse, self._place(drive), news, base_map, city.parking_map, self._model)
+            for drive, news in zip(story.surveys, messages, strict=True)
+        ]
+        for rehearsal in rehearsals:
+            rehearsal.result()
+        return city
 
     def serve(self, city: City, port: int) -> LiveService:
         """Start the service."""

@@ -24,7 +24,7 @@ SOFTWARE_GL = [
 PAGE = Path(__file__).parents[2] / "src" / "autowaze" / "cloud" / "dashboard" / "index.html"
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser():
     assert Path(CHROMIUM).exists(), "these tests drive Debian's Chromium: make system"
     assert PAGE.exists(), "the live map is not built: make live-map"

@@ -29,7 +29,7 @@ from autowaze.world.instances import Detections
 from autowaze.world.labels import is_vehicle
 from autowaze.world.pose import Pose, inverse, transform
 
-_BOX_MARGIN_M = 0.3  # labelled boxes end short of mirrors and bumpers
+_BOX_MARGIN_M = 0.1  # labelled boxes end short of bumpers, but a wider rim takes in those of the car behind
 _MIN_IOU = 0.5
 
 

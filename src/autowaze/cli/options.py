@@ -23,7 +23,7 @@ console = Console(highlight=False, width=None if Console().is_terminal else 160)
 
 TracePath = Annotated[Path, typer.Argument(help="Folder of a stereo drive.", show_default=False)]
 Cameras = Annotated[str, typer.Option(help="Pair of a rig with two: grey, colour or auto.")]
-Frames = Annotated[str, typer.Option(help="Frame numbers to use, FIRST:END or FIRST:END:STEP.", metavar="SLICE")]
+Frames = Annotated[str, typer.Option(help="Frame numbers to use, FIRST:UNTIL or FIRST:UNTIL:STEP.", metavar="SLICE")]
 Model = Annotated[
     Path | None,
     typer.Option(

@@ -34,7 +34,9 @@ class Site:
     client: httpx.Client = field(init=False)
 
     def __post_init__(self):
-        self.client = httpx.Client(base_url=self.url, timeout=10)
+        self.client = httpx.Client(
+            base_url=self.url, timeout=60
+        )  # the first diff of a new machine waits for a compiler
 
     def hand_in(self, payload, **headers):
         return self.client.post(

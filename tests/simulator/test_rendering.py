@@ -133,6 +133,25 @@ def test_another_drive_changes_cars_but_not_the_street(trace: SimulatedTrace, fr
     assert other.street.plan.asphalt.equals(trace.street.plan.asphalt)
 
 
+def test_a_share_of_the_parked_cars_has_changed_since_another_drive(trace: SimulatedTrace) -> None:
+    def standing(drive: SimulatedTrace) -> set[tuple[str, bytes]]:
+        return {(car.bay.id, car.thing.T_map_thing.tobytes()) for car in drive.street.parked}
+
+    before, spots = standing(trace), len(trace.street.plan.bays)
+    later = standing(SimulatedTrace(small_street(drive=1, parking={"drive": 0, "changed": 0.6})))
+    assert standing(SimulatedTrace(small_street(drive=1, parking={"drive": 0}))) == before
+    assert len({bay for bay, _ in later ^ before}) <= round(0.6 * spots)
+    assert 0.2 * spots <= len(later & before) <= 0.4 * spots
+
+
+def test_the_other_lane_leads_the_other_way(trace: SimulatedTrace) -> None:
+    there = trace.ground_truth.T_world_cam[0]
+    back = SimulatedTrace(small_street(ego={"opposite": True, "frames": None})).ground_truth.T_world_cam[-1]
+    assert there[:2, 2] @ back[:2, 2] < -0.95
+    to_the_left = -there[:2, 0] @ (back[:2, 3] - there[:2, 3])
+    assert 2.5 < to_the_left < 3.7
+
+
 @pytest.fixture(scope="module")
 def dusk() -> Iterator[SimulatedTrace]:
     simulated = SimulatedTrace(small_street(light={"weather": "dusk"}, effects={"grey": True, "lens_dirt": 0.5}))

@@ -57,6 +57,9 @@ class Parking(_Part):
     drive: int | None = Field(
         default=None, ge=0, description="the cars of this drive are parked; unless given, of the drive itself"
     )
+    changed: Share = Field(
+        default=0.0, description="share of the spots that are as the drive itself has them though `drive` is given"
+    )
 
 
 class Traffic(_Part):
@@ -145,6 +148,8 @@ class Ego(_Part):
     frames: int | None = Field(default=None, ge=1, le=100_000, description="stop after so many frames")
     fps: float = Field(default=10.0, gt=0.1, le=60.0)
     start_m: float = Field(default=0.0, ge=0.0, description="skip the beginning of the route")
+    left_m: float = Field(default=0.0, ge=-3.0, le=6.0, description="so far to the left of where it would drive")
+    opposite: bool = Field(default=False, description="drive the route from its end, in the other lane")
     start_time: float = Field(default=1_718_200_000.0, description="seconds since the epoch")
     gnss: bool = True
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from autowaze.simulator.curve import Curve
-from autowaze.simulator.description import StreetDescription
+from autowaze.simulator.description import Ego, StreetDescription
+from autowaze.simulator.plan.roads import LANE_M
 from autowaze.world.pose import heading_to_rotation, make_pose, so3_exp
 
 _STEP_M = 0.25
@@ -73,7 +74,7 @@ def drive_along(
     """Drive the route; `hold` are distances before which the vehicle brakes to half its speed."""
     ego = description.ego
     start = min(ego.start_m, route.length - 2.0)
-    path = route.part(start, route.length)
+    path = _shifted(route.part(start, route.length), ego)
     s = np.arange(0.0, path.length, _STEP_M)
     limit = np.full(len(s), ego.speed_kmh / 3.6)
     bend = np.abs(gaussian_filter1d(path.curvature(s), 1.0 / _STEP_M))
@@ -102,6 +103,13 @@ def drive_along(
         description.rig.mount_height_m,
         ego.start_time + np.arange(frames) / ego.fps,
     )
+
+
+def _shifted(path: Curve, ego: Ego) -> Curve:
+    """The path beside itself, or from its end in the other lane."""
+    if ego.opposite:
+        path = path.offset(LANE_M).reversed()
+    return path.offset(ego.left_m) if ego.left_m else path
 
 
 def _feasible(limit: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ from autowaze.simulator.mesh import Mesh, quads
 from autowaze.simulator.parking import ParkedCar, park_cars
 from autowaze.simulator.plan.frontage import Building, build_frontages
 from autowaze.simulator.plan.furnishing import furnish
+from autowaze.simulator.plan.roads import Bay
 from autowaze.simulator.plan.street_plan import StreetPlan, plan_street
 from autowaze.simulator.scene import Model, Scene, Thing
 from autowaze.simulator.surfaces.palette import street_surfaces
@@ -62,10 +63,24 @@ def build_street(description: StreetDescription) -> Street:
         list(setting.ground),
         list(setting.things),
     )
-    whose = description.drive if description.parking.drive is None else description.parking.drive
-    rng = np.random.default_rng([description.seed, whose, 4])
-    parked = park_cars(scene, setting.plan.bays, description.parking, description.seed, rng, FIRST_PARKED_ID)
+    parked = _parked_cars(description, scene, setting.plan.bays)
     return Street(description, setting.plan, light, scene, tuple(parked), setting.buildings)
+
+
+def _parked_cars(description: StreetDescription, scene: Scene, bays: tuple[Bay, ...]) -> list[ParkedCar]:
+    """The cars of this drive, or those that another drive left, some of which have changed since."""
+    parking, seed = description.parking, description.seed
+
+    def cars_of(drive: int) -> list[ParkedCar]:
+        return park_cars(scene, bays, parking, seed, np.random.default_rng([seed, drive, 4]), FIRST_PARKED_ID)
+
+    if parking.drive is None:
+        return cars_of(description.drive)
+    order = np.random.default_rng([seed, description.drive, 6]).permutation(len(bays))
+    changed = {bays[i].id for i in order[: round(parking.changed * len(bays))]}
+    left = [car for car in cars_of(parking.drive) if car.bay.id not in changed]
+    come = [car for car in cars_of(description.drive) if car.bay.id in changed] if changed else []
+    return sorted([*left, *come], key=lambda car: car.thing.id)
 
 
 def _permanent(description: StreetDescription) -> StreetDescription:

@@ -100,8 +100,8 @@ PRESETS: dict[str, dict[str, Any]] = {
     "loop": {
         "seed": 707,
         "layout": "block",
-        "length_m": 110.0,
-        "depth_m": 70.0,
+        "length_m": 130.0,
+        "depth_m": 80.0,
         "frontage": "mixed",
         "heading_deg": 10.0,
         "traffic": {"oncoming": 3, "crossing": 2, "pedestrians": 8, "cyclists": 2},

@@ -10,7 +10,6 @@ from autowaze.vehicle.semantics.motion import Motions
 from autowaze.world.instances import Detections, Tracks
 from autowaze.world.labels import ClassLabel
 
-pytest.importorskip("motmetrics")
 LARGE, SMALL, CYCLIST = (10, 10, 50, 40), (60, 10, 66, 16), (70, 30, 90, 55)
 BOXES = np.array([LARGE, SMALL, CYCLIST], np.float32)
 LABELS = np.array([ClassLabel.CAR, ClassLabel.CAR, ClassLabel.TWO_WHEELER], np.uint8)

@@ -29,6 +29,7 @@ from autowaze.evaluation.network import network_metrics
 from autowaze.evaluation.odometry import odometry_metrics, run_odometry
 from autowaze.evaluation.pose_pictures import Estimate, draw_localization, draw_odometry
 from autowaze.evaluation.report import report, write_report
+from autowaze.evaluation.restarts import restart_along
 from autowaze.evaluation.trajectory import trajectory_metrics
 from autowaze.evaluation.trajectory_file import TrajectoryFile, read_trajectory, write_tum
 from autowaze.vehicle.diffing.removal import LookedFor
@@ -94,6 +95,12 @@ def localization(
     cameras: Cameras = "auto",
     frames: Frames = "",
     start: Annotated[Start, typer.Option(help="What the car knows of where it starts.")] = Start.GNSS,
+    restart_every: Annotated[
+        int, typer.Option(min=0, help="Also switch the car on at every n-th frame and see how soon it is localised.")
+    ] = 0,
+    prior_sigma_m: Annotated[
+        float, typer.Option("--prior-sigma", min=0.0, max=50.0, help="Error of what it knows of its place then, m.")
+    ] = 3.0,
     trajectory: _Trajectory = None,
     plot: _Plot = None,
     json_file: JsonFile = None,
@@ -105,6 +112,10 @@ def localization(
         autowaze map kitti/drive_0005 --cameras grey --frames 110:154 --start first-true-pose -o grey.map
 
         autowaze evaluate localization kitti/drive_0005 --cameras colour --frames 110:154 --map grey.map
+
+    Another day in the same street, the car switched on at every fifth frame.
+
+        autowaze evaluate localization tuesday --map monday.map --restart-every 5 --prior-sigma 3
     """
     source, parking = opened(trace, cameras, frames), parking_map(spots)
     base_map = load_map(stored_map)
@@ -115,6 +126,8 @@ def localization(
     T_true = true_poses(source, parking)
     errors = localization_errors(record.tracked, T_true).metrics()
     metrics = {**errors, **removal_metrics(record.diffs, looked_for), **network_metrics(record)}
+    if restart_every:
+        metrics |= restart_along(source, T_true, base_map, restart_every, prior_sigma_m).metrics()
     if trajectory:
         write_tum(trajectory, np.array([t.timestamp for t in record.tracked]), record.T_map_cam)
     if plot:

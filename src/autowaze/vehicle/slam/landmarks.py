@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.world.feature_map import MapFeatures
-from autowaze.world.features import DESCRIPTOR_BYTES
+from autowaze.world.features import DESCRIPTOR_BYTES, CameraFeatures
 
 NO_LANDMARK = -1
 
@@ -134,6 +134,23 @@ class Landmarks:
         self._bind()
         self._n_below = int(np.searchsorted(self.id, self._base))
         self._file(self.id[first:], np.arange(first, self._count))
+
+    def count_sightings(
+        self,
+        visible_row: NDArray[np.int64],
+        landmark_id: NDArray[np.int64],
+        features: CameraFeatures,
+        timestamp: float,
+    ) -> None:
+        """Note what one frame should have seen (M,), and what its features (N) found: ids (N,), -1 for none."""
+        self.n_visible[visible_row] += 1
+        seen = np.flatnonzero(landmark_id >= 0)
+        rows = self.rows(landmark_id[seen])
+        self.n_found[rows] += 1
+        self.last_seen[rows] = timestamp
+        own = ~self.is_stored[rows]
+        self.label[rows[own]] = features.label[seen[own]]
+        self.instance[rows] = features.instance_id[seen]
 
     def _rows_below(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """Row numbers of ids from before the table: those of a stored map."""

@@ -16,11 +16,22 @@ from autowaze.vehicle.vision.compiled import compiled, hamming
 from autowaze.world.camera import StereoCamera
 from autowaze.world.pose import Pose
 
+START_SIGMA_M = 5.0  # of a given start pose, as a satellite receiver has it
+_SMALL_MAP_FEATURES = 60_000  # so many can all be compared with a frame's features in half a second
 _MAX_HAMMING = 60
 _RATIO = 0.85
 _ELSEWHERE_M = 1.0  # the second best match must be another place, not a second landmark of the same corner
 _MIN_INLIERS = 12
 _WIDE = 3.0  # windows after the consensus, whose pose is good to a few pixels only
+
+
+PositionPrior = tuple[NDArray[np.float64], float]
+"""Map position (3,) and its standard deviation, metres."""
+
+
+def prior_of_fix(gnss_position: NDArray[np.float64] | None) -> PositionPrior | None:
+    """What a satellite fix says of the position."""
+    return None if gnss_position is None else (gnss_position, START_SIGMA_M)
 
 
 class Relocalizer:
@@ -46,6 +57,21 @@ class Relocalizer:
         located = self.tracker.in_map(frame, T, near, widen=_WIDE)
         located = self.tracker.in_map(frame, located.T_map_cam, near)
         return located if located.n_steering >= self.settings.min_relocalized_inliers else None
+
+    def stored_rows(self, prior: PositionPrior | None) -> NDArray[np.int64]:
+        """Rows of the stored map to search: near the prior, or all of a small map."""
+        if prior is not None:
+            rows = self.rows_near(prior)
+            return rows[self.landmarks.is_stored[rows]]
+        stored = np.flatnonzero(self.landmarks.is_stored)
+        return stored if len(stored) <= _SMALL_MAP_FEATURES else np.zeros(0, np.int64)
+
+    def rows_near(self, prior: PositionPrior) -> NDArray[np.int64]:
+        """Rows of all landmarks that may be seen from there."""
+        position, sigma_m = prior
+        offset = self.landmarks.position[:, :2] - position[:2]
+        radius = self.settings.local_radius_m + 3.0 * sigma_m
+        return np.flatnonzero(np.einsum("ij,ij->i", offset, offset) < radius**2)
 
     def _by_appearance(self, frame: ObservedFrame, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         words = np.ascontiguousarray(self.landmarks.descriptor[rows]).view(np.uint64)

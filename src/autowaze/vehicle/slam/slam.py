@@ -7,22 +7,20 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.vehicle.slam.keyframe_policy import KeyframePolicy
 from autowaze.vehicle.slam.landmarks import NO_LANDMARK, Landmarks
 from autowaze.vehicle.slam.local_mapper import LocalMapper
 from autowaze.vehicle.slam.observed_frame import ObservedFrame
-from autowaze.vehicle.slam.pose_optimization import PoseEstimate
 from autowaze.vehicle.slam.pose_uncertainty import PoseUncertainty
-from autowaze.vehicle.slam.relocalizer import Relocalizer
+from autowaze.vehicle.slam.relocalizer import START_SIGMA_M, PositionPrior, Relocalizer, prior_of_fix
 from autowaze.vehicle.slam.settings import SlamSettings
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
 from autowaze.vehicle.slam.tracker import Located, Tracker
 from autowaze.world.camera import StereoCamera
 from autowaze.world.feature_map import FeatureMap, MapFeatures
 from autowaze.world.features import CameraFeatures
-from autowaze.world.pose import Pose, heading_to_rotation, inverse, make_pose, so3_log
+from autowaze.world.pose import Pose, heading_to_rotation, inverse, make_pose
 
-_SMALL_MAP_FEATURES = 60_000  # so many can all be compared with a frame's features in half a second
-_START_SIGMA_M = 5.0  # of a given start pose, as a satellite receiver has it
 _RETRY_FRAMES = 5  # between attempts to find the stored map again while odometry holds
 _BLIND_STEP_M = 1.0  # assumed per frame while lost
 _UNKNOWN = np.diag([1e6, 1e6, 1e6, 10.0, 10.0, 10.0])
@@ -51,7 +49,7 @@ class StereoSlam:
         settings: SlamSettings = SlamSettings(),  # noqa: B008
         stored_map: FeatureMap | None = None,
         T_map_start: Pose | None = None,
-        position_prior: tuple[NDArray[np.float64], float] | None = None,
+        position_prior: PositionPrior | None = None,
     ) -> None:
         self.camera = camera
         self.settings = settings
@@ -62,7 +60,8 @@ class StereoSlam:
         self._T_start = T_map_start
         self._prior = position_prior
         if position_prior is None and T_map_start is not None:
-            self._prior = (T_map_start[:3, 3], _START_SIGMA_M)
+            self._prior = (T_map_start[:3, 3], START_SIGMA_M)
+        self._keyframe_policy = KeyframePolicy(settings)
         self._mapper = LocalMapper(camera, settings, self.landmarks)
         self._tracker = Tracker(camera, settings, self.landmarks)
         self._relocalizer = Relocalizer(camera, settings, self.landmarks, self._tracker)
@@ -70,7 +69,6 @@ class StereoSlam:
         self._last: Located | None = None
         self._velocity: Pose | None = None
         self._uncertainty = PoseUncertainty()
-        self._reference_inliers = 0
         self._count = 0
         self._blind_frames = 0
         self._seeing_but_lost = 0
@@ -111,7 +109,7 @@ class StereoSlam:
         """
         moved = self._mapper.finish()
         if moved is not None and self._last is not None:
-            self._last = _moved(self._last, moved)
+            self._last = self._last.moved(moved)
         outdated = np.concatenate([removed, added.id])
         self.landmarks.remove(self.landmarks.is_stored & np.isin(self.landmarks.map_id, outdated))
         self.landmarks.add_stored(added)
@@ -131,14 +129,16 @@ class StereoSlam:
     def _apply_adjustment(self) -> None:
         moved = self._mapper.adopt(self._count)
         if moved is not None and self._last is not None:
-            self._last = _moved(self._last, moved)
+            self._last = self._last.moved(moved)
 
     def _begin(
         self, frame: ObservedFrame, timestamp: float, index: int, gnss_position: NDArray[np.float64] | None
     ) -> TrackedFrame:
         """First frames: found in the stored map, or made the first keyframe."""
         if self._has_map:
-            located = self._relocalizer.locate(frame, self._stored_rows(self._prior or _as_prior(gnss_position)))
+            located = self._relocalizer.locate(
+                frame, self._relocalizer.stored_rows(self._prior or prior_of_fix(gnss_position))
+            )
             if located is not None:
                 return self._found(located, timestamp, index, "")
         n_stereo = int(np.count_nonzero(frame.features.has_depth & ~frame.moving))
@@ -146,14 +146,14 @@ class StereoSlam:
             return self._nowhere(frame, timestamp, index, f"only {n_stereo} stereo features to start from")
         if not self._has_map:
             T = make_pose(heading_to_rotation(0.0), np.zeros(3)) if self._T_start is None else self._T_start
-            return self._found(_placed(frame, T), timestamp, index, "")
+            return self._found(Located.at(frame, T), timestamp, index, "")
         self._seeing_but_lost += 1
         if self._T_start is None or self._seeing_but_lost < self.settings.restart_after:
             return self._nowhere(frame, timestamp, index, "not found in the stored map yet")
-        covariance = np.diag([_START_SIGMA_M**2] * 3 + [0.1] * 3)
+        covariance = np.diag([START_SIGMA_M**2] * 3 + [0.1] * 3)
         self._uncertainty.widen(covariance)
         reason = "not found in the stored map; odometry from the given start"
-        return self._found(_placed(frame, self._T_start), timestamp, index, reason)
+        return self._found(Located.at(frame, self._T_start), timestamp, index, reason)
 
     def _follow(self, frame: ObservedFrame) -> Located | None:
         """Pose by prediction from the last frame, or None."""
@@ -176,8 +176,8 @@ class StereoSlam:
         if n_stereo < self.settings.min_start_features:
             return None, f"only {n_stereo} stereo features in view"
         sigma = 1.0 + 0.3 * self._blind_m()
-        prior = _as_prior(gnss_position) or (self._last.T_map_cam[:3, 3], sigma)
-        located = self._relocalizer.locate(frame, self._rows_near(prior))
+        prior = prior_of_fix(gnss_position) or (self._last.T_map_cam[:3, 3], sigma)
+        located = self._relocalizer.locate(frame, self._relocalizer.rows_near(prior))
         if located is not None:
             return located, "found again"
         self._seeing_but_lost += 1
@@ -185,7 +185,7 @@ class StereoSlam:
             return None, "the view matches no known place"
         self._mapper.forget()
         self._uncertainty.widen(np.diag([self._blind_m() ** 2] * 3 + [0.1] * 3))
-        return _placed(frame, self._last.T_map_cam), "odometry started afresh after a loss"
+        return Located.at(frame, self._last.T_map_cam), "odometry started afresh after a loss"
 
     def _found(self, located: Located, timestamp: float, index: int, reason: str) -> TrackedFrame:
         follows = self._last is not None and not self._blind_frames
@@ -195,11 +195,11 @@ class StereoSlam:
         self._blind_frames = self._seeing_but_lost = 0
         located = self._look_for_stored_map(located)
         covariance = self._covariance(located, self._last if follows else None)
-        self._count_sightings(located, timestamp)
+        self.landmarks.count_sightings(located.visible_row, located.landmark_id, located.frame.features, timestamp)
         visible_id = self.landmarks.id[located.visible_row]
-        if self._wants_keyframe(located):
+        if self._keyframe_policy.wants(located, self._mapper.keyframes[-1:]):
             ids = self._mapper.insert(located.frame, located.T_map_cam, located.landmark_id, self._count, timestamp)
-            self._reference_inliers = int(np.count_nonzero(ids >= 0))
+            self._keyframe_policy.took(ids)
             located = replace(located, landmark_id=ids)
         self._last = located
         state, why = self._judge(located)
@@ -242,7 +242,9 @@ class StereoSlam:
         if self._unlocalized_frames % _RETRY_FRAMES:
             return located
         sigma = 1.0 + float(np.sqrt(np.max(np.diag(self._uncertainty.drift)[:3])))
-        again = self._relocalizer.locate(located.frame, self._stored_rows((located.T_map_cam[:3, 3], sigma)))
+        again = self._relocalizer.locate(
+            located.frame, self._relocalizer.stored_rows((located.T_map_cam[:3, 3], sigma))
+        )
         if again is None or again.n_stored_inliers < self.settings.min_stored_inliers:
             return located
         self._mapper.move(again.T_map_cam @ inverse(located.T_map_cam))
@@ -254,7 +256,7 @@ class StereoSlam:
         assert self._last is not None
         self._blind_frames += 1
         if self._velocity is not None and self._blind_frames <= _MAX_BLIND_FRAMES:
-            self._last = _moved(self._last, self._last.T_map_cam @ self._velocity @ inverse(self._last.T_map_cam))
+            self._last = self._last.moved(self._last.T_map_cam @ self._velocity @ inverse(self._last.T_map_cam))
         covariance = self._uncertainty.drift + np.diag([self._blind_m() ** 2] * 3 + [0.1] * 3)
         return self._without_pose(frame, timestamp, index, TrackingState.LOST, reason, self._last.T_map_cam, covariance)
 
@@ -281,55 +283,3 @@ class StereoSlam:
         return TrackedFrame(
             index, timestamp, state, reason, T_map_cam.copy(), covariance.copy(), 0, 0, none, np.zeros(0, np.int64)
         )
-
-    def _count_sightings(self, located: Located, timestamp: float) -> None:
-        store, features = self.landmarks, located.frame.features
-        store.n_visible[located.visible_row] += 1
-        seen = np.flatnonzero(located.landmark_id >= 0)
-        rows = store.rows(located.landmark_id[seen])
-        store.n_found[rows] += 1
-        store.last_seen[rows] = timestamp
-        own = ~store.is_stored[rows]
-        store.label[rows[own]] = features.label[seen[own]]
-        store.instance[rows] = features.instance_id[seen]
-
-    def _wants_keyframe(self, located: Located) -> bool:
-        if not self._mapper.keyframes:
-            return True
-        newest = self._mapper.keyframes[-1]
-        moved = inverse(newest.T_map_cam) @ located.T_map_cam
-        return bool(
-            located.n_inliers < self.settings.keyframe_ratio * self._reference_inliers
-            or np.linalg.norm(moved[:3, 3]) > self.settings.keyframe_distance_m
-            or np.linalg.norm(so3_log(moved[:3, :3])) > self.settings.keyframe_angle_rad
-        )
-
-    def _stored_rows(self, prior: tuple[NDArray[np.float64], float] | None) -> NDArray[np.int64]:
-        """Rows of the stored map to search: near the prior, or all of a small map."""
-        if prior is not None:
-            rows = self._rows_near(prior)
-            return rows[self.landmarks.is_stored[rows]]
-        stored = np.flatnonzero(self.landmarks.is_stored)
-        return stored if len(stored) <= _SMALL_MAP_FEATURES else np.zeros(0, np.int64)
-
-    def _rows_near(self, prior: tuple[NDArray[np.float64], float]) -> NDArray[np.int64]:
-        position, sigma_m = prior
-        offset = self.landmarks.position[:, :2] - position[:2]
-        radius = self.settings.local_radius_m + 3.0 * sigma_m
-        return np.flatnonzero(np.einsum("ij,ij->i", offset, offset) < radius**2)
-
-
-def _as_prior(gnss_position: NDArray[np.float64] | None) -> tuple[NDArray[np.float64], float] | None:
-    return None if gnss_position is None else (gnss_position, _START_SIGMA_M)
-
-
-def _moved(located: Located, motion: Pose) -> Located:
-    """The same frame after the map moved under it."""
-    return replace(located, estimate=replace(located.estimate, T_map_cam=motion @ located.T_map_cam))
-
-
-def _placed(frame: ObservedFrame, T_map_cam: Pose) -> Located:
-    """A frame whose pose is given, with no landmarks yet."""
-    estimate = PoseEstimate(T_map_cam, np.zeros((6, 6)), np.zeros(0, np.bool_), np.zeros(0))
-    none = np.full(len(frame), NO_LANDMARK, np.int64)
-    return Located(frame, estimate, none, np.zeros(0, np.int64), 0, 0, 0)

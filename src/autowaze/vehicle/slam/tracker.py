@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,17 @@ class Located:
     def T_map_cam(self) -> Pose:  # noqa: N802
         """Pose (4, 4)."""
         return self.estimate.T_map_cam
+
+    @classmethod
+    def at(cls, frame: ObservedFrame, T_map_cam: Pose) -> Located:
+        """A frame whose pose is given, with no landmarks yet."""
+        estimate = PoseEstimate(T_map_cam, np.zeros((6, 6)), np.zeros(0, np.bool_), np.zeros(0))
+        none = np.full(len(frame), NO_LANDMARK, np.int64)
+        return cls(frame, estimate, none, np.zeros(0, np.int64), 0, 0, 0)
+
+    def moved(self, motion: Pose) -> Located:
+        """The same frame after the map moved under it (4, 4, map to map)."""
+        return replace(self, estimate=replace(self.estimate, T_map_cam=motion @ self.T_map_cam))
 
 
 class Tracker:

@@ -88,7 +88,7 @@ def restart(
     localizing = FeatureMap(stored_map.features[stored_map.features.described], stored_map.georeference)
     frames = np.arange(0, max(len(features) - _SOON_FRAMES, 1), every)
     needed, errors = np.zeros(len(frames), np.int64), np.full(len(frames), np.nan)
-    for row, first in enumerate(frames):
+    for row, first in enumerate(frames.tolist()):
         error = np.append(rng.normal(0.0, prior_sigma_m, 2), 0.0)
         prior = (T_map_true[first, :3, 3] + error, prior_sigma_m)
         slam = StereoSlam(camera, stored_map=localizing, position_prior=prior)

@@ -16,7 +16,7 @@ from autowaze.world.georeference import Georeference
 from autowaze.world.parking import ParkingMap
 from autowaze.world.wire import decode_diff
 
-_BASE_MAP = DiffSettings(max_new_static=2500, max_diff_bytes=500_000)
+SURVEY = DiffSettings(max_new_static=2500, max_diff_bytes=500_000)
 """A base map is written to a file, not sent by radio: it may keep more features per window."""
 
 _SESSION = 1
@@ -46,7 +46,7 @@ def survey(
     settings: NodeSettings | None = None,
 ) -> tuple[DriveRecord, Georeference | None]:
     """Drive a trace with an empty map; what it found is in the messages, in the map frame returned with them."""
-    settings = settings or NodeSettings(diff=_BASE_MAP)
+    settings = settings or NodeSettings(diff=SURVEY)
     node = VehicleNode(trace.camera, segmenter, settings, start=start, session=session)
     return run_drive(trace, node, lambda message: None, progress), node.georeference
 

@@ -27,12 +27,13 @@ from autowaze.evaluation.network import network_metrics
 from autowaze.simulator import StreetDescription, record
 from autowaze.traces import open_trace
 from autowaze.vehicle.connection import CloudConnection
-from autowaze.vehicle.downlink import LiveDownlink, fetch_map_around, fetch_spots
+from autowaze.vehicle.downlink import LiveDownlink, fetch_map_around
 from autowaze.vehicle.node import StartingPoint, VehicleNode
 from autowaze.vehicle.outbox import Outbox
 from autowaze.vehicle.semantics.no_segmentation import NoSegmentation
 from autowaze.vehicle.semantics.segmenter import Segmenter, load_segmenter
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame
+from autowaze.vehicle.spot_follower import fetch_spots
 from autowaze.vehicle.tile_follower import TileFollower
 from autowaze.vehicle.uplink import HttpTransport, Uplink
 from autowaze.world.errors import AutowazeError
@@ -128,7 +129,7 @@ def render(description: StreetDescription, folder: Path, name: str) -> None:
 def survey(folder: Path, georeference: Georeference, model: str, session: int, name: str) -> list[bytes]:
     """Drive a street with an empty map; the messages that make its map."""
     start = surveyed_start(folder, georeference)
-    found, _ = base_map.survey(open_trace(folder), _segmenter(model), start, session, _telling(name))
+    found, _ = base_map.survey(open_trace(folder), _segmenter(model), start, session, telling(name))
     return found.messages
 
 
@@ -179,7 +180,7 @@ def drive(folder: Path, url: str, outbox: Path, model: str, is_paced: bool, name
             if not uplink.flush(_PATIENCE_S):
                 raise AutowazeError(f"{url} does not take the diffs of {name}: {uplink.trouble or 'it is slow'}")
 
-        found = run_drive(trace, node, hand_in, _telling(name, is_paced), downlink=downlink)
+        found = run_drive(trace, node, hand_in, telling(name, is_paced), downlink=downlink)
         return _report(found, node, uplink.refused)
 
 
@@ -194,7 +195,12 @@ def _segmenter(model: str) -> Segmenter:
     return NoSegmentation() if model == NoSegmentation.name else load_segmenter(model)
 
 
-def _telling(name: str, is_paced: bool = False) -> Callable[[Iterable[StereoFrame], int], Iterator[StereoFrame]]:
+def announce(name: str) -> None:
+    """Tell that something is done."""
+    _told.put((name, 1, 1))
+
+
+def telling(name: str, is_paced: bool = False) -> Callable[[Iterable[StereoFrame], int], Iterator[StereoFrame]]:
     """Frames of a drive, each told of once the car has dealt with it."""
 
     def frames(trace: Iterable[StereoFrame], total: int) -> Iterator[StereoFrame]:

@@ -1,0 +1,139 @@
+"""Which drives the experiments are made of: streets, seeds, light, who is parked and who is about."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from autowaze.simulator import StreetDescription, load_description
+
+_FIRST_DRIVE = 5000
+"""Number of the first drive of a series; the demonstration and the tests use lower ones."""
+_EGO: dict[str, Any] = {"fps": 6.0, "speed_kmh": 24.0}
+"""A frame every metre is enough to localise by; rendering costs most of an experiment's time."""
+_SURVEY_TIME = 1_718_106_000.0
+_BETWEEN_DRIVES_S = 7200.0
+"""Two mean dwell times: what was parked in one drive says little of the next."""
+
+_TOWN_STREETS = ("town-a", "town-b")
+_REAL_STREETS = {"gold": 6, "langslow": 5, "stewart": 6, "lot-b": 3}
+"""Drives on each; the thesis drove three streets and, a few times, a car park (sec. 4.1.2)."""
+_LIGHTS: tuple[dict[str, Any], ...] = (
+    {"weather": "clear", "solar_time": 14.0},
+    {"weather": "overcast", "solar_time": 12.0},
+    {"weather": "hazy", "solar_time": 10.0},
+    {"weather": "clear", "solar_time": 16.5},
+    {"weather": "clear", "solar_time": 9.5},
+    {"weather": "dusk", "solar_time": 20.0},
+)
+_SENSOR: dict[str, Any] = {
+    "noise": 1.5,
+    "motion_blur_ms": 4.0,
+    "rectification_residual_px": 0.15,
+    "lens_dirt": 0.1,
+}
+_DENSE_TRAFFIC: dict[str, Any] = {
+    "oncoming": 3,
+    "ahead": 1,
+    "crossing": 1,
+    "pedestrians": 8,
+    "cyclists": 2,
+    "double_parked": 1,
+}
+_DENSE_EVERY = 3
+
+
+@dataclass(frozen=True)
+class PlannedDrive:
+    """One drive.
+
+    Attributes:
+        name: of its folder, unique among all experiments.
+        number: within its series; 0 is the survey that makes the base map and is not judged.
+    """
+
+    name: str
+    number: int
+    description: StreetDescription
+
+
+@dataclass(frozen=True)
+class Series:
+    """Drives through one street one after the other; each leaves its map to the next.
+
+    Attributes:
+        street: its name.
+        drives: the survey, then those that are judged.
+    """
+
+    street: str
+    drives: tuple[PlannedDrive, ...]
+
+    @property
+    def judged(self) -> tuple[PlannedDrive, ...]:
+        """All but the survey."""
+        return self.drives[1:]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Series that are judged together."""
+
+    name: str
+    title: str
+    series: tuple[Series, ...]
+
+    @property
+    def judged(self) -> tuple[PlannedDrive, ...]:
+        """All drives but the surveys."""
+        return tuple(drive for series in self.series for drive in series.judged)
+
+
+def town_streets(drives_per_street: int = 25, streets: tuple[str, ...] = _TOWN_STREETS) -> Experiment:
+    """The thesis's simulated experiment: 50 drives over two streets of 15 spots, occupancy and cars drawn anew."""
+    return Experiment(
+        "town",
+        "Town streets, KITTI-like rig",
+        tuple(_series(street, drives_per_street, 3.0 / 15.0, {}) for street in streets),
+    )
+
+
+def real_world_like_streets(drives: dict[str, int] | None = None) -> Experiment:
+    """The thesis's real experiment in the simulator's likeness: ZED 2i-like rig, noise, other light, some traffic."""
+    drives = drives or _REAL_STREETS
+    return Experiment(
+        "real-world-like",
+        "Real-world-like streets, ZED 2i-like rig",
+        tuple(_series(street, count, 0.3, {"effects": _SENSOR}, varied=True) for street, count in drives.items()),
+    )
+
+
+def quick_experiments() -> tuple[Experiment, ...]:
+    """A few drives of each, for every change to be measured by."""
+    return town_streets(2), real_world_like_streets({"gold": 1})
+
+
+def full_experiments() -> tuple[Experiment, ...]:
+    """All drives."""
+    return town_streets(), real_world_like_streets()
+
+
+def _series(street: str, count: int, least_occupancy: float, changes: dict[str, Any], varied: bool = False) -> Series:
+    """Drive n is the same whatever the number of drives."""
+    drives = []
+    for number in range(count + 1):
+        description = load_description(street, drive=_FIRST_DRIVE + number)
+        rng = np.random.default_rng([description.seed, description.drive, 77])
+        own: dict[str, Any] = {"ego": _EGO | {"start_time": _SURVEY_TIME + number * _BETWEEN_DRIVES_S}, **changes}
+        if number:
+            own["parking"] = {"occupancy": float(rng.uniform(least_occupancy, 1.0))}
+        if number and varied:
+            own["light"] = _LIGHTS[number % len(_LIGHTS)]
+            own["effects"] = changes["effects"] | {"exposure": float(rng.uniform(0.8, 1.25))}
+            own["traffic"] = _DENSE_TRAFFIC if number % _DENSE_EVERY == 0 else {}
+        drives.append(
+            PlannedDrive(f"{street}-{number:02d}", number, load_description(street, drive=description.drive, **own))
+        )
+    return Series(street, tuple(drives))

@@ -92,7 +92,8 @@ def drive(
         remote = RemoteCloud(cloud_url, service, token)
         stored = load_map(stored_map) if stored_map else first_map(remote, source)
         begin = in_the_services_frame(starting_point(source, parking_map(spots), start), stored)
-        node = VehicleNode(source.camera, segmenter(model), stored_map=stored, start=begin, spots=known_spots(remote))
+        known = known_spots(remote, source, stored.georeference)
+        node = VehicleNode(source.camera, segmenter(model), stored_map=stored, start=begin, spots=known)
         with (
             OverlayVideo.open(video) as overlays,
             uplink_to(remote, outbox) as uplink,

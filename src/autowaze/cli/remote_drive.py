@@ -9,17 +9,21 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from autowaze.cli.options import console
 from autowaze.traces import Trace
 from autowaze.vehicle.connection import CloudConnection
-from autowaze.vehicle.downlink import Arrivals, LiveDownlink, fetch_map, fetch_map_around, fetch_spots
+from autowaze.vehicle.downlink import Arrivals, LiveDownlink, fetch_map, fetch_map_around
 from autowaze.vehicle.node import StartingPoint
 from autowaze.vehicle.outbox import Outbox
+from autowaze.vehicle.spot_follower import SpotFollower, fetch_spots
 from autowaze.vehicle.tile_follower import TileFollower
 from autowaze.vehicle.transports import public_address, service_address, transport_to
 from autowaze.vehicle.uplink import Uplink
 from autowaze.vehicle.vacant_spots import in_words
 from autowaze.world.feature_map import FeatureMap
+from autowaze.world.georeference import Georeference
 from autowaze.world.parking import ParkingMap
 
 PATIENCE_S = 30.0
@@ -64,12 +68,16 @@ def first_map(cloud: RemoteCloud, source: Trace) -> FeatureMap:
     return feature_map
 
 
-def known_spots(cloud: RemoteCloud) -> ParkingMap | None:
-    """Where the service has spots: the car need not tell of the ground elsewhere."""
+def known_spots(cloud: RemoteCloud, source: Trace, georeference: Georeference | None) -> ParkingMap | None:
+    """Where the service has spots, around the drive's first fix if there is one; the car tells of the ground there."""
     if not cloud.has_service:
         return None
+    fix = next(iter(source)).gnss
     with cloud.connect() as connection:
-        return fetch_spots(connection)
+        if fix is None or georeference is None:
+            return fetch_spots(connection)
+        here = georeference.to_map(np.array([[fix.lon_deg, fix.lat_deg]]))[0]
+        return SpotFollower(connection, georeference).follow(here)
 
 
 def in_the_services_frame(start: StartingPoint, feature_map: FeatureMap) -> StartingPoint:

@@ -17,6 +17,7 @@ from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
 from autowaze.world.frame import StereoFrame
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.map_update import MapUpdate
+from autowaze.world.parking import ParkingMap
 from autowaze.world.wire import encode_diff
 
 Progress = Callable[[Iterable[StereoFrame], int], Iterable[StereoFrame]]
@@ -36,6 +37,7 @@ class DriveRecord:
         end_to_end_ms: per window, from the arrival of its last frame to the published update.
         map_updates: what changed the stored map, by number of the window at the end of which it had come down. With
             these in a `RecordedDownlink` the same drive gives the same diffs again.
+        spot_updates: where people park around the car, in the same way.
     """
 
     tracked: list[TrackedFrame] = field(default_factory=list)
@@ -43,6 +45,7 @@ class DriveRecord:
     messages: list[bytes] = field(default_factory=list)
     end_to_end_ms: list[float] = field(default_factory=list)
     map_updates: dict[int, MapUpdate] = field(default_factory=dict)
+    spot_updates: dict[int, ParkingMap] = field(default_factory=dict)
 
     @property
     def T_map_cam(self) -> NDArray[np.float64]:  # noqa: N802
@@ -104,9 +107,13 @@ def run_drive(
 def _take_in(
     arrivals: Arrivals, node: VehicleNode, record: DriveRecord, show: Callable[[Arrivals], object] | None
 ) -> None:
+    window = len(record.diffs) - 1
     if arrivals.map is not None:
         node.adopt(arrivals.map)
-        record.map_updates[len(record.diffs) - 1] = arrivals.map
+        record.map_updates[window] = arrivals.map
+    if arrivals.spots is not None:
+        node.look_after(arrivals.spots)
+        record.spot_updates[window] = arrivals.spots
     if show is not None:
         show(arrivals)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import random
 import threading
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.vehicle.connection import CloudConnection
+from autowaze.vehicle.spot_follower import SpotFollower
 from autowaze.vehicle.tile_follower import TileFollower, expect_ok, map_frame_at
 from autowaze.vehicle.vacant_spots import VacantSpot, nearest_vacant
 from autowaze.world.errors import AutowazeError
@@ -25,28 +25,11 @@ from autowaze.world.map_update import MapUpdate
 from autowaze.world.parking import ParkingMap
 from autowaze.world.wire import MAX_MAP_BYTES, decode_map, decode_map_update
 
-MAX_SPOTS_BYTES = 1 << 26
-"""Of a parking map: a city of 100,000 spots."""
 FIRST_WAIT_S, LONGEST_WAIT_S = 2.0, 60.0
 CLOSE_S = 5.0
 """How long the end of a drive waits for an answer that is under way."""
 
 _log = logging.getLogger(__name__)
-
-
-def fetch_spots(connection: CloudConnection) -> ParkingMap | None:
-    """Where the service has parking spots; None if it cannot tell, and the car does without.
-
-    Raises:
-        UnreachableError: the service does not answer.
-    """
-    reply = connection.get("/parking_map.geojson", MAX_SPOTS_BYTES)
-    try:
-        expect_ok(reply, f"{connection.url}/parking_map.geojson")
-        return ParkingMap.from_document(json.loads(reply.body), connection.url)
-    except (AutowazeError, ValueError, RecursionError) as error:
-        _log.warning("the ground is told of everywhere: %s", error)
-        return None
 
 
 @dataclass(frozen=True)
@@ -56,10 +39,12 @@ class Arrivals:
     Attributes:
         map: what changes the stored map; None for nothing.
         vacant: the nearest free spots as last heard, nearest first.
+        spots: where people park around here, which the car tells of the ground at; None for as it was.
     """
 
     map: MapUpdate | None = None
     vacant: Sequence[VacantSpot] = ()
+    spots: ParkingMap | None = None
 
 
 class Downlink(Protocol):
@@ -74,16 +59,17 @@ class RecordedDownlink:
     """What came down in an earlier drive comes down again, at the ends of the same windows.
 
     Attributes:
-        updates: by number of the window, counted from 0.
+        updates, spots: by number of the window, counted from 0.
     """
 
     updates: Mapping[int, MapUpdate]
+    spots: Mapping[int, ParkingMap] = field(default_factory=dict)
     _window: int = field(default=-1, init=False)
 
     def arrivals(self, position_map: NDArray[np.float64]) -> Arrivals:
         """What came down then."""
         self._window += 1
-        return Arrivals(self.updates.get(self._window))
+        return Arrivals(self.updates.get(self._window), spots=self.spots.get(self._window))
 
 
 class LiveDownlink:
@@ -115,6 +101,8 @@ class LiveDownlink:
         self._position: NDArray[np.float64] | None = None
         self._update: MapUpdate | None = None
         self._vacant: Sequence[VacantSpot] = ()
+        self._spot_follower = SpotFollower(connection, georeference)
+        self._spots: ParkingMap | None = None
         self._asking = False
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="downlink", daemon=True)
@@ -124,9 +112,10 @@ class LiveDownlink:
         """What has come down by now, and from where on to look next."""
         with self._changed:
             update, self._update = self._update, None
+            spots, self._spots = self._spots, None
             self._position = np.array(position_map, dtype=np.float64)
             self._changed.notify_all()
-            return Arrivals(update, self._vacant)
+            return Arrivals(update, self._vacant, spots)
 
     def settle(self, timeout_s: float) -> bool:
         """Wait until the service was asked for the last position, or something waits; False when time is up."""
@@ -161,9 +150,10 @@ class LiveDownlink:
 
     def _ask(self, position: NDArray[np.float64]) -> str:
         """Ask once; returns what went wrong."""
-        update, vacant, trouble = None, self._vacant, ""
+        update, vacant, spots, trouble = None, self._vacant, None, ""
         try:
             update = self._follower.follow(position)
+            spots = self._spot_follower.follow(position)
             lon, lat = self._georeference.to_lon_lat(position[None])[0].tolist()
             vacant = nearest_vacant(self._connection, lon, lat)
         except AutowazeError as error:
@@ -175,6 +165,7 @@ class LiveDownlink:
             _log.warning("%s; the drive goes on with the map that it has", trouble)
         with self._changed:
             self._update, self._vacant, self.trouble = update, vacant, trouble
+            self._spots = self._spots if spots is None else spots
             self._asking = False
             self._changed.notify_all()
         return trouble

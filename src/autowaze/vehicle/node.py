@@ -160,6 +160,12 @@ class VehicleNode:
             self.slam.replace_stored_features(update.added[update.added.described], update.removed)
         self.stored_map = changed
 
+    def look_after(self, spots: ParkingMap) -> None:
+        """Tell of the ground at these spots from the next window on; a car that drives on learns of others."""
+        self._spots = spots
+        if self._frames:
+            self.window.replace_spots(spots)
+
     def finish(self) -> SemanticMapDiff | None:
         """The diff of the last, shorter window; the car can take no more frames."""
         self._segmentation_thread.shutdown()

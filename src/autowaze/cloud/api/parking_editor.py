@@ -6,11 +6,15 @@ import asyncio
 import json
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from http import HTTPStatus
 from typing import Annotated, Any
 
+import numpy as np
+import shapely
 from fastapi import APIRouter, Depends, Path, Request, Response
 
+from autowaze.cloud.api.bounding_box import BBOX, box_asked_for
 from autowaze.cloud.api.changes import ChangeFeed
 from autowaze.cloud.api.guard import Guard
 from autowaze.cloud.api.ingest import bounded_body
@@ -155,10 +159,11 @@ def parking_editor_routes(editor: ParkingEditor, book: SpotBook, guard: Guard) -
         await editor.make(SpotEdit(spot_id, None), actor)
         return Response(status_code=HTTPStatus.NO_CONTENT)
 
-    @router.get("/parking_map.geojson", responses={200: {"content": {GEOJSON: {}}}})
-    async def parking_map() -> Response:
-        """The parking map as it is drawn now, as `autowaze cloud --spots` takes it."""
-        return await asyncio.to_thread(_exported, book.sheet)
+    @router.get("/parking_map.geojson", responses={200: {"content": {GEOJSON: {}}}, **problems(HTTPStatus.BAD_REQUEST)})
+    async def parking_map(bbox: BBOX = None) -> Response:
+        """The parking map as it is drawn now, as `autowaze cloud --spots` takes it; all, or what a box touches."""
+        box = None if bbox is None else box_asked_for(bbox)
+        return await asyncio.to_thread(_exported, book.sheet, box)
 
     return router
 
@@ -168,5 +173,9 @@ def _next_sheet(sheet: SpotSheet, edit: SpotEdit) -> SpotSheet:
     return sheet.without_spot(edit.spot_id) if spot is None else sheet.with_spot(spot)
 
 
-def _exported(sheet: SpotSheet) -> Response:
-    return json_response(document_of(sheet.parking_map.drawn), GEOJSON)
+def _exported(sheet: SpotSheet, box: shapely.Geometry | None) -> Response:
+    parking_map = sheet.parking_map
+    if box is not None:
+        rows = np.sort(sheet.tree.query(box, predicate="intersects"))
+        parking_map = replace(parking_map, spots=tuple(parking_map.spots[row] for row in rows.tolist()))
+    return json_response(document_of(parking_map.drawn), GEOJSON)

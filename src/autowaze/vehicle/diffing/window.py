@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from autowaze.vehicle.diffing.found import FoundLandmarks
@@ -71,9 +72,7 @@ class DiffWindow:
         self._sent = np.zeros(0, np.int64)
         self._removed = np.zeros(0, np.uint64)
         self.looked_for = LookedFor.empty()
-        # A parking map in another frame says nothing of where the spots are.
-        here = spots is not None and spots.spots and spots.georeference == georeference
-        self._ground_area = ground_that_matters(spots) if spots is not None and here else None
+        self._ground_area = self._area_of(spots)
         self._open()
 
     @property
@@ -107,6 +106,18 @@ class DiffWindow:
             raise AutowazeError("the stored map can change between two windows only")
         self._stored = stored
         self._open()
+
+    def replace_spots(self, spots: ParkingMap) -> None:
+        """Tell of the ground at these spots from here on; raises `AutowazeError` in the middle of a window."""
+        if self._times:
+            raise AutowazeError("the spots can change between two windows only")
+        self._ground_area = self._area_of(spots)
+        self._open()
+
+    def _area_of(self, spots: ParkingMap | None) -> shapely.Geometry | None:
+        """The ground to tell of; all if the spots are not known, or in another map frame."""
+        here = spots is not None and spots.georeference == self.georeference
+        return ground_that_matters(spots) if spots is not None and here else None
 
     def add(self, observation: FrameObservation, landmarks: Landmarks) -> None:
         """Count one frame."""

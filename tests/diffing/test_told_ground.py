@@ -1,0 +1,68 @@
+"""A car tells of the ground where it knows that people park, as it learns of it."""
+
+import numpy as np
+import pytest
+import shapely
+
+from autowaze.vehicle.diffing import DiffSettings, DiffWindow, FrameObservation
+from autowaze.vehicle.ground import GroundObservation
+from autowaze.vehicle.semantics.motion import Motions
+from autowaze.vehicle.slam.landmarks import Landmarks
+from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
+from autowaze.world.camera import StereoCamera
+from autowaze.world.errors import AutowazeError
+from autowaze.world.features import CameraFeatures
+from autowaze.world.georeference import Georeference
+from autowaze.world.instances import Tracks
+from autowaze.world.parking import ParkingMap, ParkingSpot
+
+CAMERA = StereoCamera(fx=700.0, fy=700.0, cx=320.0, cy=120.0, baseline_m=0.5, width=640, height=240)
+HERE, ELSEWHERE = Georeference(40.0, -73.0), Georeference(41.0, -73.0)
+
+
+def look(window, second):
+    """A frame that sees 200 x 200 cells of free road about the origin."""
+    ix, iy = (axis.ravel().astype(np.int32) for axis in np.meshgrid(np.arange(-100, 100), np.arange(-100, 100)))
+    free = np.ones(len(ix), np.bool_)
+    depth = np.full((CAMERA.height // 2, CAMERA.width // 2), np.nan, np.float32)
+    ground = GroundObservation(ix, iy, free, ~free, depth, CAMERA, None)
+    none = np.zeros(0, np.int64)
+    tracked = TrackedFrame(0, second, TrackingState.ODOMETRY, "", np.eye(4), 1e-6 * np.eye(6), 0, 0, none, none)
+    features, tracks = CameraFeatures.empty(), Tracks.empty(CAMERA.height, CAMERA.width)
+    window.add(FrameObservation(tracked, features, tracks, Motions.empty(), ground), Landmarks())
+
+
+def told(window, start):
+    """Centres of the cells of one window's diff."""
+    look(window, start), look(window, start + 2.5)
+    return window.close(Landmarks()).ground.centre
+
+
+def spots_at(*places, georeference=HERE):
+    spots = [ParkingSpot(str(n), shapely.box(x - 1, y - 1, x + 1, y + 1)) for n, (x, y) in enumerate(places)]
+    return ParkingMap(tuple(spots), georeference)
+
+
+def test_the_ground_is_told_of_at_the_spots_that_are_known_by_now():
+    window = DiffWindow(CAMERA, 1, DiffSettings(), georeference=HERE)
+    everywhere = told(window, 0.0)
+    window.replace_spots(spots_at((3.0, 0.0)))
+    right = told(window, 5.0)
+    window.replace_spots(spots_at((-3.0, 0.0), (50.0, 0.0)))
+    left = told(window, 10.0)
+    window.replace_spots(spots_at())
+    nowhere = told(window, 15.0)
+    assert len(everywhere) > len(right) > 0 and len(left) > 0 == len(nowhere)
+    assert np.abs(right - [3.0, 0.0]).max() < 4 and np.abs(left - [-3.0, 0.0]).max() < 4
+
+
+def test_spots_in_another_map_frame_say_nothing():
+    window = DiffWindow(CAMERA, 1, DiffSettings(), georeference=HERE, spots=spots_at(georeference=ELSEWHERE))
+    assert len(told(window, 0.0)) > 10_000
+
+
+def test_spots_change_between_two_windows_only():
+    window = DiffWindow(CAMERA, 1, DiffSettings(), georeference=HERE)
+    look(window, 0.0)
+    with pytest.raises(AutowazeError, match="between two windows"):
+        window.replace_spots(spots_at())

@@ -9,9 +9,11 @@ from test_thesis_method import groups_of
 
 from autowaze.cloud.belief import Evidence, aged, believe, fade
 from autowaze.cloud.grouping import split_in_space
+from autowaze.cloud.instances import InstanceTable
 from autowaze.cloud.merging import merge_boxes
 from autowaze.cloud.methods import FUSED
 from autowaze.cloud.service import CloudService
+from autowaze.world.identity import instance_keys
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.parking import Occupancy
 from autowaze.world.vehicles import VehicleBoxes
@@ -90,6 +92,17 @@ def test_without_ground_the_boxes_decide():
     for diff in street.drive(street.park(OCCUPIED)):
         service.integrate(diff)
     assert occupied(service) == OCCUPIED
+
+
+def test_of_a_car_in_a_bay_the_end_at_the_street_shows_however_askew_it_is_seen():
+    street = Street(bays=True)
+    first = street.drive(street.park([4]))[1]
+    askew = (street.along - 0.15 * street.across).astype(np.float32)  # on a bend, where bays ahead turn their backs
+    diff = replace(first, instances=replace(first.instances, view_direction=np.tile(askew, (len(first.instances), 1))))
+    table = InstanceTable()
+    keys = instance_keys(diff.session, diff.instances.id)
+    table.add(keys, diff)
+    assert (table.views(keys).view_direction @ street.across > 0.3).all()
 
 
 def test_an_id_that_jumps_to_the_next_car_is_split():

@@ -8,9 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.cloud.path_distance import away_from
 from autowaze.world.columns import Columns
+from autowaze.world.identity import MAX_INSTANCE
 from autowaze.world.labels import ClassLabel
-from autowaze.world.map_diff import SemanticMapDiff
+from autowaze.world.map_diff import SemanticMapDiff, Trajectory
+
+SIGHT_M = 30.0
+"""How far ahead cars see vehicles well enough to tell of them."""
 
 
 @dataclass
@@ -21,8 +26,8 @@ class InstanceViews(Columns):
         key: (N,) uint64, `world.identity.instance_keys`.
         label: (N,) uint8, the `ClassLabel` that most frames gave it; background where no window told.
         confidence: (N,) float64, mean over the frames.
-        view_direction: (N, 2) float64, mean horizontal vector from the camera to it, map frame, at most of length 1;
-            zero where no window told.
+        view_direction: (N, 2) float64, horizontal vector, map frame, at most of length 1, against which its visible
+            side faces: from the camera to it on average, and across from the street; zero where no window told.
         frames: (N,) int64.
         seen_at: (N,) float64, end of the last window that it was seen in, seconds since the epoch; 0 where none told.
     """
@@ -50,8 +55,8 @@ class InstanceTable:
 
     def add(self, keys: NDArray[np.uint64], diff: SemanticMapDiff) -> None:
         """Note the instances of one diff; keys (N,) are those of `diff.instances`."""
-        rows = diff.instances
-        columns = (rows.label, rows.confidence, rows.view_direction[:, 0], rows.view_direction[:, 1], rows.frames)
+        rows, view = diff.instances, _views_of(diff)
+        columns = (rows.label, rows.confidence, view[:, 0], view[:, 1], rows.frames)
         values = zip(keys.tolist(), *(column.tolist() for column in columns), strict=True)
         for key, label, confidence, view_x, view_y, frames in values:
             window = (label, confidence, view_x, view_y, frames, diff.end)
@@ -84,6 +89,32 @@ class InstanceTable:
             frames=table[:, 4].astype(np.int64),
             seen_at=table[:, 5],
         )
+
+
+def _views_of(diff: SemanticMapDiff) -> NDArray[np.float64]:
+    """Against which directions (N, 2) the visible sides of a diff's instances face.
+
+    Cars in bays are seen along the street, askew to none of their ends: what shows of them, between their neighbours,
+    is the end at the street. So the way across the street to an instance counts as much as the mean view of it.
+    """
+    view = diff.instances.view_direction.astype(np.float64)
+    owner = (diff.new.instance_key & np.uint64(MAX_INSTANCE - 1)).astype(np.int64)
+    ids, row = np.unique(np.concatenate([diff.instances.id, owner]), return_inverse=True)
+    own = row[: len(view)]
+    points = np.bincount(row[len(view) :], minlength=len(ids))[own]
+    told = points > 0
+    if len(diff.trajectory) == 0 or not told.any():
+        return view
+    sums = [np.bincount(row[len(view) :], diff.new.position[:, axis], len(ids))[own[told]] for axis in (0, 1)]
+    view[told] += away_from(np.stack(sums, axis=1) / points[told, None], _path_ahead(diff.trajectory))
+    return np.asarray(view / np.maximum(np.linalg.norm(view, axis=1, keepdims=True), 1.0))
+
+
+def _path_ahead(trajectory: Trajectory) -> NDArray[np.float64]:
+    """The path (M, 2) of a window and, straight on, the street that the car sees at its end."""
+    heading = float(trajectory.heading[-1])
+    end = trajectory.position[-1, :2] + SIGHT_M * np.array([np.sin(heading), np.cos(heading)])
+    return np.vstack([trajectory.position[:, :2], end])
 
 
 def _summed_up(windows: dict[int, _Summary]) -> _Summary:

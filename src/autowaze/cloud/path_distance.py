@@ -1,4 +1,4 @@
-"""How far points lie from a path, compiled."""
+"""How points lie to a path, compiled."""
 
 from __future__ import annotations
 
@@ -28,3 +28,26 @@ def all_within(points: NDArray[np.float64], path: NDArray[np.float64], within_m:
         if not near:
             return False
     return True
+
+
+@numba.njit(cache=True, nogil=True)
+def away_from(points: NDArray[np.float64], path: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit vectors (N, 2) to points (N, 2) from where the polyline through path (M, 2), M > 1, is nearest to each.
+
+    Zero for a point on the path.
+    """
+    away = np.zeros((len(points), 2))
+    for row in range(len(points)):
+        least = np.inf
+        for piece in range(len(path) - 1):
+            x0, y0 = path[piece]
+            step_x, step_y = path[piece + 1, 0] - x0, path[piece + 1, 1] - y0
+            x, y = points[row, 0] - x0, points[row, 1] - y0
+            length2 = max(step_x * step_x + step_y * step_y, 1e-12)
+            share = min(max((x * step_x + y * step_y) / length2, 0.0), 1.0)
+            x, y = x - share * step_x, y - share * step_y
+            if x * x + y * y < least:
+                least = x * x + y * y
+                away[row] = x, y
+        away[row] /= max(np.sqrt(least), 1e-6)
+    return away

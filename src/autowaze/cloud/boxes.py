@@ -23,7 +23,7 @@ def boxes_of_average_size(groups: VehicleGroups, spots: SpotIndex) -> VehicleBox
     """
     present = groups.sizes > 0
     centre, views = groups.centroids[present], groups.views[present]
-    nearest = spots.nearest(centre, ROW_REACH_M)
+    nearest = spots.grid.nearest(centre, ROW_REACH_M)
     count = len(centre)
     return VehicleBoxes(
         centre=centre,

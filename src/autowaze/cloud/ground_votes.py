@@ -9,14 +9,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from autowaze.cloud.cell_kernels import blocks_of_cells, cells_ascend, votes_of_codes
+from autowaze.cloud.cell_kernels import cells_ascend, votes_of_codes
 from autowaze.cloud.spots import SpotIndex, raster_of, without_row
-from autowaze.world.ground import CELL_M, GroundCells
+from autowaze.world.ground import GroundCells
 from autowaze.world.map_diff import SemanticMapDiff
 
 MAX_WINDOWS = 8
 """Windows kept per spot, the newest; which ones does not depend on the order of arrival."""
-_BLOCK_BITS = 6
 
 
 class WindowVotes(NamedTuple):
@@ -56,7 +55,7 @@ class GroundVotes:
 
     def add(self, diff: SemanticMapDiff, source: int = 0) -> NDArray[np.int64]:
         """Note the ground of one diff of a source; returns the spots (T,) of which it saw something, sorted."""
-        candidates = self._spots_near(diff.ground)
+        candidates = self._spots.grid.around_cells(diff.ground.ix, diff.ground.iy)
         if len(candidates) == 0:
             return candidates
         rasters = [self._spots.raster(spot).codes for spot in candidates.tolist()]
@@ -139,13 +138,6 @@ class GroundVotes:
             rank = later[window.source] = later.get(window.source, -1) + 1
             spared = min(spared, (window.end - self._crowding_s * rank, row))
         return spared[1]
-
-    def _spots_near(self, ground: GroundCells) -> NDArray[np.int64]:
-        """Spots (N,) whose bounds touch blocks of 16 m around the cells, sorted: no more work than there are cells."""
-        if len(ground) == 0:
-            return np.zeros(0, np.int64)
-        low = blocks_of_cells(ground.ix, ground.iy, _BLOCK_BITS) * (CELL_M * (1 << _BLOCK_BITS))
-        return self._spots.touching(low, low + CELL_M * (1 << _BLOCK_BITS))
 
 
 def _look_up(ground: GroundCells, codes: NDArray[np.int64]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from autowaze.cloud.box_overlap import lie_on_any
 from autowaze.cloud.merging import SAME_VEHICLE_IOU, merge_parts
+from autowaze.cloud.spot_grid import cells_in_reach
 from autowaze.cloud.spots import SpotIndex
 from autowaze.world.identity import session_of_key
 from autowaze.world.vehicles import VehicleBoxes
@@ -42,7 +42,7 @@ class ParkedVehicle:
 
     Attributes:
         group: smallest key of the instances that its boxes came from.
-        footprint: outline in map metres.
+        footprint: (4, 2) corners in map metres.
         area_m2: of the footprint.
         testimonies: by session.
         shares: share of the vehicle that lies in each spot that it meets, by row of the spot.
@@ -51,7 +51,7 @@ class ParkedVehicle:
     """
 
     group: int
-    footprint: shapely.Polygon
+    footprint: NDArray[np.float64]
     area_m2: float
     testimonies: list[Testimony]
     shares: dict[int, float] = field(default_factory=dict)
@@ -62,9 +62,7 @@ class ParkedVehicle:
     def covered(self, spot: int, index: SpotIndex) -> NDArray[np.bool_]:
         """Which cells (C,) of a spot's raster it covers, with a rim around it for drift."""
         if spot not in self._covered:
-            grown = shapely.buffer(self.footprint, LEANING_RIM_M)
-            centre = index.raster(spot).centre
-            self._covered[spot] = np.asarray(shapely.contains_xy(grown, centre[:, 0], centre[:, 1]))
+            self._covered[spot] = cells_in_reach(index.raster(spot).codes, self.footprint, LEANING_RIM_M)
         return self._covered[spot]
 
     def place(self, shares: dict[int, float], edition: int) -> None:
@@ -133,9 +131,7 @@ class ParkedVehicles:
         """Find the spots that each of them meets."""
         if not vehicles:
             return
-        footprints = np.array([vehicle.footprint for vehicle in vehicles], dtype=np.object_)
-        row, spot = self._spots.overlapping(footprints)
-        common = shapely.area(shapely.intersection(footprints[row], self._spots.polygons[spot]))
+        row, spot, common = self._spots.grid.overlaps(np.array([vehicle.footprint for vehicle in vehicles]))
         share = common / np.array([vehicle.area_m2 for vehicle in vehicles])[row]
         shares: list[dict[int, float]] = [{} for _ in vehicles]
         for number, here, part in zip(row.tolist(), spot.tolist(), share.tolist(), strict=True):
@@ -165,7 +161,7 @@ class ParkedVehicles:
         parts, vehicles = merged.parts, merged.vehicles
         corners = parts.corners
         testimonies = _testimonies(parts, merged.whole, len(vehicles))
-        footprints, area = vehicles.polygons.tolist(), (vehicles.length * vehicles.width).tolist()
+        footprints, area = list(vehicles.corners), (vehicles.length * vehicles.width).tolist()
         columns = (vehicles.group.tolist(), footprints, area, testimonies)
         every = [ParkedVehicle(*values) for values in zip(*columns, strict=True)]
         rows_of: dict[int, list[int]] = {}

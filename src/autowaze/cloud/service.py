@@ -220,7 +220,7 @@ class CloudService:
         old = instances if self.method.instance_ids else self.scene.boxes.group
         before = self.scene.of(old)
         self._stand(old, boxes)
-        return self.spots.overlapping(VehicleBoxes.concatenate([before, boxes]).polygons)[1]
+        return self.spots.grid.overlaps(VehicleBoxes.concatenate([before, boxes]).corners)[1]
 
     def _stand(self, groups: NDArray[np.uint64], boxes: VehicleBoxes) -> None:
         self.scene.replace(groups, boxes)

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from autowaze.world.ground import CELL_M
+from autowaze.cloud.spot_grid import SpotGrid, raster_of_ring
 from autowaze.world.parking import ParkingMap, ParkingSpot
 
 _CODE_SHIFT = 32
@@ -23,12 +23,10 @@ class SpotRaster(NamedTuple):
 
     Attributes:
         codes: (C,) int64 ascending, `cell_codes` of the cells whose centres lie in the spot.
-        centre: (C, 2) float64, their centres in map metres.
-        core: (C,) bool, those that lie off its edges by the margin.
+        core: (C,) bool, those that lie off its edges by the margin; all where the spot is too narrow for that.
     """
 
     codes: NDArray[np.int64]
-    centre: NDArray[np.float64]
     core: NDArray[np.bool_]
 
 
@@ -56,7 +54,8 @@ class SpotIndex:
         self.polygons = np.array([spot.polygon for spot in parking_map.spots], dtype=np.object_)
         self.bounds, self.centre, self.length, self.width, self.heading = _measured(self.polygons)
         self._rasters: dict[int, SpotRaster] = {}
-        self._tree: shapely.STRtree | None = shapely.STRtree(self.polygons)
+        self._tree: shapely.STRtree | None = None
+        self._grid: SpotGrid | None = None
         self._fingerprints: list[str] | None = None
         self.edition = 0
 
@@ -66,6 +65,13 @@ class SpotIndex:
         if self._tree is None:
             self._tree = shapely.STRtree(self.polygons)
         return self._tree
+
+    @property
+    def grid(self) -> SpotGrid:
+        """The same outlines, for the few boxes and points of a diff."""
+        if self._grid is None:
+            self._grid = SpotGrid(self.polygons, self.bounds)
+        return self._grid
 
     @property
     def parking_map(self) -> ParkingMap:
@@ -105,7 +111,7 @@ class SpotIndex:
 
     def _adopt(self, columns: list[NDArray[Any]]) -> None:
         self.polygons, self.bounds, self.centre, self.length, self.width, self.heading = columns
-        self._tree = None
+        self._tree = self._grid = None
         self._fingerprints = None
         self.edition += 1
 
@@ -139,37 +145,17 @@ class SpotIndex:
         order = np.lexsort((pairs[1], pairs[0]))
         return pairs[0][order], pairs[1][order]
 
-    def touching(self, low: NDArray[np.floating], high: NDArray[np.floating]) -> NDArray[np.int64]:
-        """Spots (N,) whose bounds rectangles with these corners (M, 2) touch, sorted, each once."""
-        rectangles = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
-        return np.unique(self.tree.query(rectangles)[1])
-
     def near(self, points: NDArray[np.float64], within_m: float) -> NDArray[np.bool_]:
         """Whether each point (N, 2) lies within reach of a spot."""
         close = np.zeros(len(points), np.bool_)
         close[self.tree.query(shapely.points(points), predicate="dwithin", distance=within_m)[0]] = True
         return close
 
-    def nearest(self, points: NDArray[np.float64], within_m: float) -> NDArray[np.int64]:
-        """Spot (N,) nearest to each point (N, 2), -1 if none is within reach."""
-        found = np.full(len(points), -1, np.int64)
-        (row, spot), distance = self.tree.query_nearest(
-            shapely.points(points), max_distance=within_m, return_distance=True
-        )
-        order = np.lexsort((spot, distance, row))[::-1]  # of equally near spots the first one is written last
-        found[row[order]] = spot[order]
-        return found
-
 
 def raster_of(polygon: shapely.Polygon) -> SpotRaster:
     """The ground cells of an outline in map metres."""
-    x0, y0, x1, y1 = np.floor(np.array(polygon.bounds) / CELL_M).astype(np.int64)
-    ix, iy = (axis.ravel() for axis in np.meshgrid(np.arange(x0, x1 + 1), np.arange(y0, y1 + 1), indexing="xy"))
-    x, y = (ix + 0.5) * CELL_M, (iy + 0.5) * CELL_M
-    inside = shapely.contains_xy(polygon, x, y)
-    core = shapely.contains_xy(shapely.buffer(polygon, -MARGIN_M), x[inside], y[inside])
-    centre = np.stack([x[inside], y[inside]], axis=1)
-    return SpotRaster(cell_codes(ix[inside], iy[inside]), centre, core if core.any() else np.ones_like(core))
+    cells, core = raster_of_ring(shapely.get_coordinates(polygon), MARGIN_M)
+    return SpotRaster(cell_codes(cells[:, 0], cells[:, 1]), core if core.any() else np.ones_like(core))
 
 
 def without_row(items: dict[int, _Item], gone: int) -> dict[int, _Item]:

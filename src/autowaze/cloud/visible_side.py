@@ -33,7 +33,7 @@ def boxes_from_visible_side(groups: VehicleGroups, spots: SpotIndex) -> VehicleB
     """One box per group of enough points."""
     rows = np.flatnonzero(groups.sizes >= MIN_POINTS)
     views = groups.views[rows]
-    nearest = spots.nearest(groups.centroids[rows], ROW_REACH_M)
+    nearest = spots.grid.nearest(groups.centroids[rows], ROW_REACH_M)
     row_heading = np.where(nearest >= 0, spots.heading[nearest], 0.0)
     fitted = [
         _fit(groups.position[groups.group == row, :2], direction, USUAL_SIZE_M[ClassLabel(label)], heading)

@@ -1,12 +1,12 @@
 """MQTT brokers of the tests' own, each in a process, on a free port."""
 
 import os
-import re
 import shutil
 import signal
 import socket
 import subprocess
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from autowaze.world.broker import BrokerAddress
@@ -28,9 +28,6 @@ class Broker:
     @property
     def address(self) -> BrokerAddress:
         return BrokerAddress("127.0.0.1", self.port)
-
-    def address_for(self, user: str) -> BrokerAddress:
-        return BrokerAddress("127.0.0.1", self.port, username=user, password=f"secret of {user}")
 
     @property
     def url(self) -> str:
@@ -82,9 +79,26 @@ class Nats(Broker):
         return path
 
 
-class GuardedMosquitto(Mosquitto):
-    """As the documentation sets it up, without TLS."""
+class Guarded(Broker):
+    """As the documentation sets it up.
 
+    Args:
+        certificate: chain and key, PEM files.
+    """
+
+    def __init__(self, folder: Path, certificate: tuple[Path, Path]) -> None:
+        super().__init__(folder)
+        self.certificate, self.key = certificate
+
+    @property
+    def address(self) -> BrokerAddress:
+        return BrokerAddress("127.0.0.1", self.port, tls=True)
+
+    def address_for(self, user: str) -> BrokerAddress:
+        return replace(self.address, username=user, password=f"secret of {user}")
+
+
+class GuardedMosquitto(Guarded, Mosquitto):
     def configuration(self) -> Path:
         passwords = self.folder / "passwords"
         passwords.touch(mode=0o600)
@@ -92,20 +106,25 @@ class GuardedMosquitto(Mosquitto):
             tool = shutil.which("mosquitto_passwd", path=PATH)
             subprocess.run([tool, "-b", passwords, user, f"secret of {user}"], check=True, capture_output=True)
         lines = (DOCS / "mosquitto.conf").read_text().splitlines()
-        lines = [line for line in lines if not line.startswith(("listener", "certfile", "keyfile"))]
-        places = {"/etc/mosquitto/passwords": str(passwords), "/etc/mosquitto": str(DOCS)}
+        lines = [line for line in lines if not line.startswith("listener")]
+        places = {
+            "/etc/mosquitto/passwords": str(passwords),
+            "/etc/mosquitto/certs/fullchain.pem": str(self.certificate),
+            "/etc/mosquitto/certs/privkey.pem": str(self.key),
+            "/etc/mosquitto": str(DOCS),
+        }
         text = "\n".join([f"listener {self.port} 127.0.0.1", "user root", *lines])
         for there, here in places.items():
             text = text.replace(there, here)
         return super().configuration(text)
 
 
-class GuardedNats(Nats):
-    """As the documentation sets it up, without TLS."""
-
+class GuardedNats(Guarded, Nats):
     def configuration(self) -> Path:
         text = (DOCS / "nats-server.conf").read_text()
-        text = re.sub(r"port: 8883\n.*tls.*", f'host: "127.0.0.1", port: {self.port}', text)
+        text = text.replace("port: 8883", f'host: "127.0.0.1", port: {self.port}')
+        text = text.replace("/etc/nats/fullchain.pem", str(self.certificate))
+        text = text.replace("/etc/nats/privkey.pem", str(self.key))
         text = text.replace("/var/lib/nats", str(self.folder / "jetstream"))
         text = text.replace('"change-me"', '"secret of service"').replace('"change-me-too"', '"secret of car"')
         path = self.folder / "nats.conf"

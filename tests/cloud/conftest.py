@@ -1,5 +1,6 @@
 """A running service, and drives to feed it."""
 
+import subprocess
 import time
 from dataclasses import replace
 
@@ -14,6 +15,17 @@ from autowaze.world.wire import encode_diff
 def site(tmp_path):
     with running(tmp_path / "cloud.db") as site:
         yield site
+
+
+@pytest.fixture(scope="session")
+def certificate(tmp_path_factory):
+    """A key and a certificate for localhost that signs itself."""
+    folder = tmp_path_factory.mktemp("tls")
+    command = "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2 -subj /CN=localhost"
+    names = ["-addext", "subjectAltName=DNS:localhost,IP:127.0.0.1"]
+    files = ["-keyout", str(folder / "key.pem"), "-out", str(folder / "cert.pem")]
+    subprocess.run([*command.split(), *names, *files], check=True, capture_output=True)
+    return folder / "cert.pem", folder / "key.pem"
 
 
 @pytest.fixture(scope="session")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from autowaze.cli.evaluate_accuracy import accuracy
+from autowaze.cli.evaluate_all import everything
 from autowaze.cli.evaluate_benefits import benefits
 from autowaze.cli.evaluate_network import network_bytes
 from autowaze.cli.evaluate_poses import localization, odometry
@@ -24,17 +25,17 @@ from autowaze.cli.options import (
     show_progress,
 )
 from autowaze.cloud.service import CloudService
-from autowaze.evaluation.accuracy import Confusion, confusion, read_truth
 from autowaze.evaluation.datum import Start, starting_point
 from autowaze.evaluation.drive import run_drive
 from autowaze.evaluation.latency import latency_metrics
 from autowaze.evaluation.network import network_metrics
 from autowaze.evaluation.report import report, write_report
 from autowaze.vehicle.node import VehicleNode
-from autowaze.world.errors import AutowazeError
 from autowaze.world.parking import ParkingMap
 
 app = typer.Typer(help="Score the system against ground truth.", no_args_is_help=True)
+app.command("all")(everything)
+app.command()(accuracy)
 app.command()(segmentation)
 app.command()(tracking)
 app.command()(benefits)
@@ -44,51 +45,6 @@ app.command()(localization)
 
 Traces = Annotated[list[Path], typer.Argument(help="Folders of stereo drives with ground truth.", show_default=False)]
 Results = dict[str, dict[str, float]]
-
-
-@app.command()
-def accuracy(
-    traces: Traces,
-    spots: Annotated[list[Path] | None, typer.Option(help="Parking map of each trace, GeoJSON.")] = None,
-    truth: Annotated[list[Path] | None, typer.Option(help="Truth of each trace, JSON.")] = None,
-    model: Model = None,
-    method: Annotated[list[str] | None, typer.Option(help="thesis, fused; may be given more than once.")] = None,
-    start: Annotated[Start, typer.Option(help="What the car knows of where it starts.")] = Start.FIRST_TRUE_POSE,
-    cameras: Cameras = "auto",
-    frames: Frames = "",
-    json_file: JsonFile = None,
-) -> None:
-    """Vacant spots against truth: confusion matrix, precision, recall, accuracy, with vacant as positive.
-
-    Without --spots and --truth, parking_map.geojson and truth.json in the folder of each trace. By default the car is
-    told its true pose in the first frame, as a survey would, and no other.
-
-    Example:
-
-        autowaze evaluate accuracy kitti/odometry_00 kitti/drive_0005 --method thesis --method fused
-    """
-    spot_files = spots or [path / "parking_map.geojson" for path in traces]
-    truth_files = truth or [path / "truth.json" for path in traces]
-    if not len(traces) == len(spot_files) == len(truth_files):
-        raise AutowazeError(f"{len(traces)} traces need as many --spots and --truth files, or none of either")
-    methods = method or ["thesis", "fused"]
-    network = segmenter(model)
-    results: Results = {}
-    totals = dict.fromkeys(methods, Confusion())
-    for path, spot_file, truth_file in zip(traces, spot_files, truth_files, strict=True):
-        source, parking = opened(path, cameras, frames), ParkingMap.from_geojson(spot_file)
-        clouds = {name: CloudService(parking, method=name) for name in methods}
-        begin = starting_point(source, parking, start)
-        node = VehicleNode(source.camera, network, start=begin, session=1, spots=parking)
-        run_drive(source, node, _for_all(list(clouds.values())), show_progress)
-        for name, cloud in clouds.items():
-            counts = confusion(cloud.states, read_truth(truth_file))
-            totals[name] += counts
-            results[f"{source.name} {name}"] = counts.metrics()
-    if len(traces) > 1:
-        results.update({f"all {name}": counts.metrics() for name, counts in totals.items()})
-    inputs = {"traces": [str(p) for p in traces], "methods": methods, "start": str(start), "model": str(model)}
-    _deliver(f"accuracy (vacant is positive; start: {start})", inputs, results, json_file)
 
 
 @app.command()
@@ -119,16 +75,6 @@ def latency(
         record = run_drive(source, node, cloud.receive, show_progress)
         results[source.name] = {**latency_metrics(record, node, cloud), **network_metrics(record)}
     _deliver("latency", {"traces": [str(p) for p in traces], "model": str(model)}, results, json_file)
-
-
-def _for_all(clouds: list[CloudService]) -> Callable[[bytes], None]:
-    """Gives each diff to all of them: one drive, judged by every method."""
-
-    def receive(message: bytes) -> None:
-        for cloud in clouds:
-            cloud.receive(message)
-
-    return receive
 
 
 def _deliver(title: str, inputs: dict[str, Any], results: Results, json_file: Path | None) -> None:

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from autowaze.cloud.methods import ORB_SLAM2
+from autowaze.cloud.service import CloudService
+from autowaze.evaluation.datum import Start, starting_point
+from autowaze.evaluation.drive import Progress, run_drive
+from autowaze.evaluation.full_map import FullMapUpload
+from autowaze.traces import Trace
+from autowaze.vehicle.node import VehicleNode
+from autowaze.vehicle.semantics.segmenter import Segmenter
 from autowaze.world.errors import AutowazeError
-from autowaze.world.parking import Occupancy, SpotState
+from autowaze.world.parking import Occupancy, ParkingMap, SpotState
+from autowaze.world.wire import decode_diff
 
 
 @dataclass(frozen=True)
@@ -101,6 +110,33 @@ def confusion(states: Iterable[SpotState], truth: Iterable[SpotTruth]) -> Confus
             raise AutowazeError(f"spot {spot.spot_id} of the truth is not on the parking map: use files of one place")
         counts += _one(answers[spot.spot_id], spot)
     return counts
+
+
+def judge_trace(
+    trace: Trace,
+    spots: ParkingMap,
+    truth: Sequence[SpotTruth],
+    methods: Sequence[str],
+    segmenter: Segmenter,
+    start: Start,
+    progress: Progress | None = None,
+) -> dict[str, Confusion]:
+    """One drive with an empty map, judged by every method; `orb-slam2` is sent the whole map instead of diffs."""
+    node = VehicleNode(trace.camera, segmenter, start=starting_point(trace, spots, start), session=1, spots=spots)
+    upload, diffs, whole_map = FullMapUpload(), list[bytes](), list[bytes]()
+
+    def receive(message: bytes) -> None:
+        diffs.append(message)
+        whole_map[:] = upload.after_window(node.slam.landmarks, decode_diff(message))
+
+    run_drive(trace, node, receive, progress)
+    found = {}
+    for name in methods:
+        cloud = CloudService(spots, name)
+        for message in whole_map if cloud.method == ORB_SLAM2 else diffs:
+            cloud.receive(message)
+        found[name] = confusion(cloud.states, truth)
+    return found
 
 
 def _one(answer: Occupancy, spot: SpotTruth) -> Confusion:

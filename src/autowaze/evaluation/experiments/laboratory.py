@@ -29,7 +29,7 @@ from autowaze.evaluation.experiments.judging import DrivenSeries
 from autowaze.evaluation.experiments.passage import Passage, drive_passage, survey_passage
 from autowaze.evaluation.experiments.plan import Experiment, PlannedDrive, Series
 from autowaze.evaluation.experiments.truth import read_drive_truth
-from autowaze.traces import open_trace
+from autowaze.traces import Trace, open_trace
 from autowaze.traces.recorded import INDEX, PARKING_MAP
 from autowaze.vehicle.semantics.model_store import BUNDLED, ModelStore, bundled_model
 from autowaze.vehicle.semantics.no_segmentation import NoSegmentation
@@ -69,11 +69,12 @@ class Laboratory:
 
     def made_with(self, drive: PlannedDrive) -> dict[str, Any]:
         """What a stored run must have been made with to be taken for this drive."""
-        return {
-            "autowaze": version("autowaze"),
-            "model": self.model_name,
-            "description": drive.description.model_dump(mode="json"),
-        }
+        return self.made_with_model | {"description": drive.description.model_dump(mode="json")}
+
+    @property
+    def made_with_model(self) -> dict[str, Any]:
+        """Versions that a run depends on."""
+        return {"autowaze": version("autowaze"), "model": self.model_name}
 
     def passages(self, series: Series) -> list[Passage]:
         """What is stored of a series' drives, up to the first that is missing."""
@@ -151,6 +152,25 @@ def _drive(laboratory: Laboratory, drive: PlannedDrive, stored: FeatureMap | Non
         for images in (place / "left", place / "right", place / "ground_truth" / "ids"):
             shutil.rmtree(images, ignore_errors=True)
     return passage
+
+
+def street_of(laboratory: Laboratory, series: Series) -> tuple[ParkingMap, FeatureMap]:
+    """Spots and base map of a series that has been driven."""
+    spots = ParkingMap.from_geojson(laboratory.place(series.drives[0]) / PARKING_MAP)
+    return spots, integrated(laboratory.passages(series)[0].messages, spots.georeference)
+
+
+def recorded_again(laboratory: Laboratory, series: Series, drives: int, tell: Tell) -> list[Trace]:
+    """Judged drives of a series with their images, rendered anew where those have been deleted."""
+    traces = []
+    with Crews(1, tell) as crews:
+        for drive in series.judged[:drives]:
+            place = laboratory.place(drive)
+            if not (place / "left").is_dir():
+                place = laboratory.folder / "again" / drive.name
+                crews.submit(0, crew.render, drive.description, place, f"{drive.name}, rendering").result()
+            traces.append(open_trace(place))
+    return traces
 
 
 @cache

@@ -13,7 +13,7 @@ import shapely
 
 from autowaze.evaluation.base_map import SURVEY
 from autowaze.evaluation.drive import DriveRecord, Progress, run_drive
-from autowaze.evaluation.experiments.full_map import FullMapUpload
+from autowaze.evaluation.full_map import FullMapUpload
 from autowaze.evaluation.localization import localization_errors
 from autowaze.traces import Trace
 from autowaze.vehicle.diffing import FrameObservation

@@ -9,7 +9,7 @@ import numpy as np
 
 from autowaze.simulator import StreetDescription, load_description
 
-_FIRST_DRIVE = 5000
+_FIRST_DRIVE, _DRIVES_PER_SEED = 5000, 1000
 """Number of the first drive of a series; the demonstration and the tests use lower ones."""
 _EGO: dict[str, Any] = {"fps": 6.0, "speed_kmh": 24.0}
 """A frame every metre is enough to localise by; rendering costs most of an experiment's time."""
@@ -91,40 +91,42 @@ class Experiment:
         return tuple(drive for series in self.series for drive in series.judged)
 
 
-def town_streets(drives_per_street: int = 25, streets: tuple[str, ...] = _TOWN_STREETS) -> Experiment:
+def town_streets(seed: int = 0, drives_per_street: int = 25) -> Experiment:
     """The thesis's simulated experiment: 50 drives over two streets of 15 spots, occupancy and cars drawn anew."""
     return Experiment(
         "town",
         "Town streets, KITTI-like rig",
-        tuple(_series(street, drives_per_street, 3.0 / 15.0, {}) for street in streets),
+        tuple(_series(street, seed, drives_per_street, 3.0 / 15.0, {}) for street in _TOWN_STREETS),
     )
 
 
-def real_world_like_streets(drives: dict[str, int] | None = None) -> Experiment:
+def real_world_like_streets(seed: int = 0, drives: dict[str, int] | None = None) -> Experiment:
     """The thesis's real experiment in the simulator's likeness: ZED 2i-like rig, noise, other light, some traffic."""
     drives = drives or _REAL_STREETS
     return Experiment(
         "real-world-like",
         "Real-world-like streets, ZED 2i-like rig",
-        tuple(_series(street, count, 0.3, {"effects": _SENSOR}, varied=True) for street, count in drives.items()),
+        tuple(_series(street, seed, count, 0.3, {"effects": _SENSOR}, varied=True) for street, count in drives.items()),
     )
 
 
-def quick_experiments() -> tuple[Experiment, ...]:
+def quick_experiments(seed: int = 0) -> tuple[Experiment, ...]:
     """A few drives of each, for every change to be measured by."""
-    return town_streets(2), real_world_like_streets({"gold": 1})
+    return town_streets(seed, 2), real_world_like_streets(seed, {"gold": 1})
 
 
-def full_experiments() -> tuple[Experiment, ...]:
+def full_experiments(seed: int = 0) -> tuple[Experiment, ...]:
     """All drives."""
-    return town_streets(), real_world_like_streets()
+    return town_streets(seed), real_world_like_streets(seed)
 
 
-def _series(street: str, count: int, least_occupancy: float, changes: dict[str, Any], varied: bool = False) -> Series:
+def _series(
+    street: str, seed: int, count: int, least_occupancy: float, changes: dict[str, Any], varied: bool = False
+) -> Series:
     """Drive n is the same whatever the number of drives."""
-    drives = []
+    drives, marked = [], f"-s{seed}" if seed else ""
     for number in range(count + 1):
-        description = load_description(street, drive=_FIRST_DRIVE + number)
+        description = load_description(street, drive=_FIRST_DRIVE + seed * _DRIVES_PER_SEED + number)
         rng = np.random.default_rng([description.seed, description.drive, 77])
         own: dict[str, Any] = {"ego": _EGO | {"start_time": _SURVEY_TIME + number * _BETWEEN_DRIVES_S}, **changes}
         if number:
@@ -134,6 +136,8 @@ def _series(street: str, count: int, least_occupancy: float, changes: dict[str, 
             own["effects"] = changes["effects"] | {"exposure": float(rng.uniform(0.8, 1.25))}
             own["traffic"] = _DENSE_TRAFFIC if number % _DENSE_EVERY == 0 else {}
         drives.append(
-            PlannedDrive(f"{street}-{number:02d}", number, load_description(street, drive=description.drive, **own))
+            PlannedDrive(
+                f"{street}{marked}-{number:02d}", number, load_description(street, drive=description.drive, **own)
+            )
         )
     return Series(street, tuple(drives))

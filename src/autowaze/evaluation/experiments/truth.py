@@ -9,7 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.evaluation.departure import ParkedVehicle
 from autowaze.traces.recorded import TRUTH_FOLDER
+from autowaze.world.errors import AutowazeError
+from autowaze.world.pose import Pose, transform
 from autowaze.world.vehicles import box_corners
 
 SEEN_WITHIN_M = 20.0
@@ -81,3 +84,38 @@ def read_drive_truth(place: Path) -> DriveTruth:
     centre = np.array([v["center_xyz"][:2] for v in vehicles]).reshape(-1, 2)
     length, width = (np.array([v[name] for v in vehicles], dtype=np.float64) for name in ("length", "width"))
     return DriveTruth(spots, centre, length, width, heading)
+
+
+def read_labelled_truth(folder: Path, T_map_world: Pose) -> DriveTruth:
+    """Truth of a real drive: spots of its `truth.json`, vehicles of its `vehicles.json`.
+
+    Which spots count is what the file says of them; its own rule is 25 m, three frames.
+
+    Raises:
+        AutowazeError: a file is missing or of another shape.
+    """
+    try:
+        document = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
+        vehicles = ParkedVehicle.from_file(folder / "vehicles.json")
+        row_of = {vehicle.track_id: row for row, vehicle in enumerate(vehicles)}
+        spots = tuple(
+            TrueSpot(
+                spot_id,
+                bool(said["occupied"]),
+                row_of.get(said["vehicle_track_id"], -1),
+                bool(said["observable"]),
+                (said.get("best_visible_fraction") or 0.0) > 0 or bool(said["observable"]),
+            )
+            for spot_id, said in document.get("spots", document).items()
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise AutowazeError(f"{folder}: truth.json and vehicles.json do not tell what is true: {error}") from error
+    ahead = np.array([[np.cos(v.yaw), 0.0, -np.sin(v.yaw)] for v in vehicles]).reshape(-1, 3) @ T_map_world[:3, :3].T
+    centre = transform(T_map_world, np.array([v.centre_world for v in vehicles]).reshape(-1, 3))
+    return DriveTruth(
+        spots,
+        centre[:, :2],
+        np.array([v.length_m for v in vehicles], dtype=np.float64),
+        np.array([v.width_m for v in vehicles], dtype=np.float64),
+        np.arctan2(ahead[:, 0], ahead[:, 1]),
+    )

@@ -10,7 +10,6 @@ from random import Random
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from autowaze.vehicle.diffing import DiffSettings, DiffWindow, FrameObservation
@@ -19,6 +18,7 @@ from autowaze.vehicle.semantics.association import associate
 from autowaze.vehicle.semantics.motion import MotionClassifier, Motions
 from autowaze.vehicle.semantics.perception import SemanticPerception
 from autowaze.vehicle.semantics.segmenter import Segmenter
+from autowaze.vehicle.slam.gnss_constraint import GnssPosition
 from autowaze.vehicle.slam.slam import StereoSlam
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame
 from autowaze.vehicle.vision.extractor import FeatureExtractor
@@ -34,6 +34,8 @@ from autowaze.world.map_update import MapUpdate
 from autowaze.world.parking import ParkingMap
 from autowaze.world.pose import Pose, heading_to_rotation, inverse, make_pose
 from autowaze.world.stage_times import StageTimes
+
+_COURSE_SIGMA_RAD = 0.05  # of a receiver's course over ground
 
 
 class NodeSettings(BaseModel):
@@ -126,9 +128,7 @@ class VehicleNode:
             features = associate(features, tracks)
         with self.times.stage("slam"):
             on_moving = np.isin(features.instance_id, self._motion.moving_ids)
-            tracked = self.slam.track(
-                features, frame.timestamp, frame.index, gnss_position=self._gnss_position(frame), moving=on_moving
-            )
+            tracked = self.slam.track(features, frame.timestamp, frame.index, self._gnss_position(frame), on_moving)
         with self.times.stage("motion"):
             motions = self._moved(features, tracked, frame)
         with self.times.stage("ground"):
@@ -180,13 +180,16 @@ class VehicleNode:
         self.georeference = self._start.georeference or (stored.georeference if stored else None)
         if self.georeference is None and fix is not None:
             self.georeference = Georeference(fix.lat_deg, fix.lon_deg, fix.altitude_m)
-        position, T_start = self._gnss_position(frame), self._start.T_map_cam
-        if T_start is None and not stored and fix is not None and position is not None:
-            T_start = make_pose(heading_to_rotation(fix.heading_rad or 0.0), position)
-        prior = None if fix is None or position is None else (position, fix.horizontal_sigma_m)
+        here, T_start, start_sigma = self._gnss_position(frame), self._start.T_map_cam, (0.0, 0.0)
+        if T_start is None and fix is not None and here is not None and (fix.heading_rad is not None or not stored):
+            T_start = make_pose(heading_to_rotation(fix.heading_rad or 0.0), here.position)
+            start_sigma = (here.sigma_m, _COURSE_SIGMA_RAD)
+        prior = None if here is None else (here.position, here.sigma_m)
         # Features without descriptor are for the diff, nobody can localise by them.
         localizing = FeatureMap(stored.features[stored.features.described], stored.georeference) if stored else None
-        self.slam = StereoSlam(self.camera, stored_map=localizing, T_map_start=T_start, position_prior=prior)
+        self.slam = StereoSlam(
+            self.camera, stored_map=localizing, T_map_start=T_start, position_prior=prior, start_sigma=start_sigma
+        )
         self.window = DiffWindow(self.camera, self.session, self.settings.diff, stored, self.georeference, self._spots)
 
     def _closed_window(self) -> SemanticMapDiff:
@@ -208,11 +211,12 @@ class VehicleNode:
         before, last = self._poses
         return last @ inverse(before) @ last
 
-    def _gnss_position(self, frame: StereoFrame) -> NDArray[np.float64] | None:
+    def _gnss_position(self, frame: StereoFrame) -> GnssPosition | None:
         if frame.gnss is None or self.georeference is None:
             return None
         fix = frame.gnss
-        return np.asarray(self.georeference.to_map(np.array([[fix.lon_deg, fix.lat_deg]]), fix.altitude_m)[0])
+        position = self.georeference.to_map(np.array([[fix.lon_deg, fix.lat_deg]]), fix.altitude_m)[0]
+        return GnssPosition(np.asarray(position), fix.horizontal_sigma_m)
 
     def _moved(self, features: CameraFeatures, tracked: TrackedFrame, frame: StereoFrame) -> Motions:
         """Motion in the map; a pose that is only guessed would set everything in motion."""

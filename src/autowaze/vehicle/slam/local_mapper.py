@@ -65,6 +65,11 @@ class LocalMapper:
             self._start_adjustment(index + self.settings.adjustment_frames)
         return landmark_id
 
+    @property
+    def is_adjusting(self) -> bool:
+        """Whether a bundle adjustment is under way."""
+        return self._pending is not None
+
     def adopt(self, index: int) -> Pose | None:
         """Apply the bundle adjustment that is due at this frame; returns how it moved the newest keyframe (4, 4)."""
         if self._pending is None or index < self._pending.due:

@@ -35,6 +35,11 @@ class PoseUncertainty:
         """Something happened that nobody saw."""
         self.drift = self.drift + covariance
 
+    def correct(self, remaining: NDArray[np.float64]) -> None:
+        """Something absolute took errors (6,) of the pose to what this matrix (6, 6) leaves of them."""
+        self.drift = remaining @ self._with_scale() @ remaining.T
+        self._driven = np.zeros(3)
+
     def move(self, T_before: Pose, T_after: Pose, estimate: NDArray[np.float64]) -> NDArray[np.float64]:
         """Odometry went on by one frame, whose own covariance is the estimate's; returns the whole covariance.
 
@@ -45,6 +50,9 @@ class PoseUncertainty:
         turned[:3, 3:] = [[0.0, step[2], -step[1]], [-step[2], 0.0, step[0]], [step[1], -step[0], 0.0]]
         self.drift = turned @ self.drift @ turned.T + _INFLATION * estimate
         self._driven = self._driven + step
+        return self._with_scale()
+
+    def _with_scale(self) -> NDArray[np.float64]:
         covariance = self.drift.copy()
         covariance[:3, :3] += _SCALE_SIGMA**2 * np.outer(self._driven, self._driven)
         return covariance

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.vehicle.slam.consensus import pose_by_consensus
+from autowaze.vehicle.slam.gnss_constraint import GnssPosition
 from autowaze.vehicle.slam.landmarks import Landmarks
 from autowaze.vehicle.slam.observed_frame import ObservedFrame
 from autowaze.vehicle.slam.settings import SlamSettings
@@ -29,9 +30,9 @@ PositionPrior = tuple[NDArray[np.float64], float]
 """Map position (3,) and its standard deviation, metres."""
 
 
-def prior_of_fix(gnss_position: NDArray[np.float64] | None) -> PositionPrior | None:
-    """What a satellite fix says of the position."""
-    return None if gnss_position is None else (gnss_position, START_SIGMA_M)
+def prior_of_fix(fix: GnssPosition | None) -> PositionPrior | None:
+    """What a satellite fix says of the position; reflections make it worse than it knows."""
+    return None if fix is None else (fix.position, max(fix.sigma_m, START_SIGMA_M))
 
 
 class Relocalizer:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.vehicle.slam.gnss_constraint import GnssConstraint, GnssPosition
 from autowaze.vehicle.slam.keyframe_policy import KeyframePolicy
 from autowaze.vehicle.slam.landmarks import NO_LANDMARK, Landmarks
 from autowaze.vehicle.slam.local_mapper import LocalMapper
@@ -38,6 +39,7 @@ class StereoSlam:
             begins at the origin, level and heading north.
         position_prior: map position (3,) and standard deviation in metres of the first frame; None searches the whole
             map, if it is small.
+        start_sigma: standard deviations of `T_map_start`, metres and radians of heading; satellite fixes mend it.
 
     Attributes:
         landmarks: all features held on to, see `Landmarks`.
@@ -50,6 +52,7 @@ class StereoSlam:
         stored_map: FeatureMap | None = None,
         T_map_start: Pose | None = None,
         position_prior: PositionPrior | None = None,
+        start_sigma: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         self.camera = camera
         self.settings = settings
@@ -69,6 +72,7 @@ class StereoSlam:
         self._last: Located | None = None
         self._velocity: Pose | None = None
         self._uncertainty = PoseUncertainty()
+        self._gnss = GnssConstraint(start_sigma)
         self._count = 0
         self._blind_frames = 0
         self._seeing_but_lost = 0
@@ -79,7 +83,7 @@ class StereoSlam:
         features: CameraFeatures,
         timestamp: float,
         index: int,
-        gnss_position: NDArray[np.float64] | None = None,
+        fix: GnssPosition | None = None,
         moving: NDArray[np.bool_] | None = None,
     ) -> TrackedFrame:
         """Pose of the next frame.
@@ -87,20 +91,20 @@ class StereoSlam:
         Args:
             features: of the frame, with labels and instances where they are known.
             timestamp: seconds since the epoch. index: number of the frame.
-            gnss_position: (3,) map position of a satellite fix, good to a few metres; helps to find a lost place.
+            fix: of a satellite receiver; helps to find a lost place, and holds odometry where there is no stored map.
             moving: (N,) features on things known to move; they neither steer the pose nor become landmarks.
         """
         frame = self._observe(features, moving)
         self._count += 1
         self._apply_adjustment()
         if self._last is None:
-            return self._begin(frame, timestamp, index, gnss_position)
+            return self._begin(frame, timestamp, index, fix)
         located, reason = self._follow(frame), ""
         if located is None:
-            located, reason = self._find_again(frame, gnss_position)
+            located, reason = self._find_again(frame, fix)
         if located is None:
             return self._lost(frame, timestamp, index, reason)
-        return self._found(located, timestamp, index, reason)
+        return self._found(located, timestamp, index, reason, fix)
 
     def replace_stored_features(self, added: MapFeatures, removed: NDArray[np.uint64]) -> None:
         """Change the stored map between two frames: take out these ids (R,), then put these features in.
@@ -131,20 +135,19 @@ class StereoSlam:
         if moved is not None and self._last is not None:
             self._last = self._last.moved(moved)
 
-    def _begin(
-        self, frame: ObservedFrame, timestamp: float, index: int, gnss_position: NDArray[np.float64] | None
-    ) -> TrackedFrame:
+    def _begin(self, frame: ObservedFrame, timestamp: float, index: int, fix: GnssPosition | None) -> TrackedFrame:
         """First frames: found in the stored map, or made the first keyframe."""
+        is_mapped = self._has_map
         if self._has_map:
-            located = self._relocalizer.locate(
-                frame, self._relocalizer.stored_rows(self._prior or prior_of_fix(gnss_position))
-            )
+            rows = self._relocalizer.stored_rows(self._prior or prior_of_fix(fix))
+            located = self._relocalizer.locate(frame, rows)
             if located is not None:
                 return self._found(located, timestamp, index, "")
+            is_mapped = self._T_start is None or len(rows) >= self.settings.min_stored_inliers
         n_stereo = int(np.count_nonzero(frame.features.has_depth & ~frame.moving))
         if n_stereo < self.settings.min_start_features:
             return self._nowhere(frame, timestamp, index, f"only {n_stereo} stereo features to start from")
-        if not self._has_map:
+        if not is_mapped:
             T = make_pose(heading_to_rotation(0.0), np.zeros(3)) if self._T_start is None else self._T_start
             return self._found(Located.at(frame, T), timestamp, index, "")
         self._seeing_but_lost += 1
@@ -167,16 +170,14 @@ class StereoSlam:
         located = self._tracker.in_map(frame, T, self._mapper.local_rows)
         return located if located.n_steering >= self.settings.min_inliers else None
 
-    def _find_again(
-        self, frame: ObservedFrame, gnss_position: NDArray[np.float64] | None
-    ) -> tuple[Located | None, str]:
+    def _find_again(self, frame: ObservedFrame, fix: GnssPosition | None) -> tuple[Located | None, str]:
         """After a loss: the same place by appearance, or a fresh start of odometry when none is known."""
         assert self._last is not None
         n_stereo = int(np.count_nonzero(frame.features.has_depth & ~frame.moving))
         if n_stereo < self.settings.min_start_features:
             return None, f"only {n_stereo} stereo features in view"
         sigma = 1.0 + 0.3 * self._blind_m()
-        prior = prior_of_fix(gnss_position) or (self._last.T_map_cam[:3, 3], sigma)
+        prior = prior_of_fix(fix) or (self._last.T_map_cam[:3, 3], sigma)
         located = self._relocalizer.locate(frame, self._relocalizer.rows_near(prior))
         if located is not None:
             return located, "found again"
@@ -187,7 +188,9 @@ class StereoSlam:
         self._uncertainty.widen(np.diag([self._blind_m() ** 2] * 3 + [0.1] * 3))
         return Located.at(frame, self._last.T_map_cam), "odometry started afresh after a loss"
 
-    def _found(self, located: Located, timestamp: float, index: int, reason: str) -> TrackedFrame:
+    def _found(
+        self, located: Located, timestamp: float, index: int, reason: str, fix: GnssPosition | None = None
+    ) -> TrackedFrame:
         follows = self._last is not None and not self._blind_frames
         self._velocity = (
             inverse(self._last.T_map_cam) @ located.T_map_cam if self._last is not None and follows else None
@@ -195,6 +198,7 @@ class StereoSlam:
         self._blind_frames = self._seeing_but_lost = 0
         located = self._look_for_stored_map(located)
         covariance = self._covariance(located, self._last if follows else None)
+        located = self._held_by(fix, located, covariance, timestamp)
         self.landmarks.count_sightings(located.visible_row, located.landmark_id, located.frame.features, timestamp)
         visible_id = self.landmarks.id[located.visible_row]
         if self._keyframe_policy.wants(located, self._mapper.keyframes[-1:]):
@@ -223,6 +227,20 @@ class StereoSlam:
             return self._uncertainty.anchor(own)
         T_before = located.T_map_cam if before is None else before.T_map_cam
         return self._uncertainty.move(T_before, located.T_map_cam, own)
+
+    def _held_by(
+        self, fix: GnssPosition | None, located: Located, covariance: NDArray[np.float64], timestamp: float
+    ) -> Located:
+        """Satellite fixes hold odometry, which drifts; what the stored map holds needs them not."""
+        is_held = self._has_map and located.n_stored_inliers >= self.settings.min_stored_inliers
+        if fix is None or is_held or self._mapper.is_adjusting:
+            return located
+        found = self._gnss.correction(located.T_map_cam, covariance, fix, timestamp)
+        if found is None:
+            return located
+        self._mapper.move(found.motion)
+        self._uncertainty.correct(found.remaining)
+        return located.moved(found.motion)
 
     def _judge(self, located: Located) -> tuple[TrackingState, str]:
         if not self._has_map:

@@ -13,12 +13,23 @@ from autowaze.world.pose import Pose
 
 @dataclass
 class Keyframe:
-    """Attributes: index of the frame; its pose (4, 4); its features; the landmark id of each (N,), -1 for none."""
+    """A frame of the drive.
+
+    Attributes:
+        index: number of the frame, counted from 1.
+        T_map_cam: (4, 4).
+        frame: its features.
+        landmark_id: (N,) int64, the landmark of each; -1 for none.
+        covariance: (6, 6) of the motion since the keyframe before: position (m) and rotation vector (rad) in the map.
+        sigma_m: standard deviation of its position when it was made.
+    """
 
     index: int
     T_map_cam: Pose
     frame: ObservedFrame
     landmark_id: NDArray[np.int64]
+    covariance: NDArray[np.float64]
+    sigma_m: float
 
     @property
     def observed_ids(self) -> NDArray[np.int64]:

@@ -44,26 +44,25 @@ class LocalMapper:
         self.settings = settings
         self.landmarks = landmarks
         self.keyframes: list[Keyframe] = []
+        self._retired: list[Keyframe] = []
         self.n_keyframes = 0
         self.local_rows: NDArray[np.int64] = np.zeros(0, np.int64)
         self._level_scale = settings.level_scale
         self._pending: _Pending | None = None
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="bundle-adjustment")
 
-    def insert(
-        self, frame: ObservedFrame, T_map_cam: Pose, landmark_id: NDArray[np.int64], index: int, timestamp: float
-    ) -> NDArray[np.int64]:
-        """Make a frame a keyframe; returns its landmark ids (N,), with those of the new landmarks."""
-        self._observe_again(frame, T_map_cam, landmark_id)
-        landmark_id = self._create(frame, T_map_cam, landmark_id, timestamp)
-        self.keyframes.append(Keyframe(index, T_map_cam.copy(), frame, landmark_id))
+    def insert(self, keyframe: Keyframe, timestamp: float) -> None:
+        """Take in a keyframe; landmarks are made of what it sees for the first time, and noted in it."""
+        frame, T_map_cam = keyframe.frame, keyframe.T_map_cam
+        self._observe_again(frame, T_map_cam, keyframe.landmark_id)
+        keyframe.landmark_id = self._create(frame, T_map_cam, keyframe.landmark_id, timestamp)
+        self.keyframes.append(keyframe)
         self.n_keyframes += 1
         if self.n_keyframes % _CULL_EVERY == 0:
             self._forget(timestamp)
         self.refresh_local(T_map_cam)
         if self._pending is None and len(self.keyframes) > 1:
-            self._start_adjustment(index + self.settings.adjustment_frames)
-        return landmark_id
+            self._start_adjustment(keyframe.index + self.settings.adjustment_frames)
 
     @property
     def is_adjusting(self) -> bool:
@@ -92,17 +91,27 @@ class LocalMapper:
         """Wait for the adjustment under way and apply it."""
         return self.adopt(self._pending.due) if self._pending else None
 
-    def move(self, motion: Pose) -> None:
-        """Move the latest keyframes and the landmarks that they made (4, 4, map to map), as when drift is mended."""
-        self.finish()
+    def move(self, motion: Pose) -> Pose:
+        """Move the latest keyframes and all landmarks of this drive (4, 4, map to map), as when drift is mended.
+
+        The bundle adjustment under way is applied first; returns how that moved the newest keyframe (4, 4).
+        """
+        moved = self.finish()
         for keyframe in self.keyframes:
             keyframe.T_map_cam = motion @ keyframe.T_map_cam
-        rows = np.flatnonzero((self._seen_by(self.keyframes) > 0) & ~self.landmarks.is_stored)
-        self.landmarks.position[rows] = self.landmarks.position[rows] @ motion[:3, :3].T + motion[:3, 3]
+        own = np.flatnonzero(~self.landmarks.is_stored)
+        self.landmarks.position[own] = self.landmarks.position[own] @ motion[:3, :3].T + motion[:3, 3]
+        return np.eye(4) if moved is None else moved
+
+    def take_retired(self) -> list[Keyframe]:
+        """Keyframes that no adjustment will move any more, oldest first; each is given once."""
+        retired, self._retired = self._retired, []
+        return retired
 
     def forget(self) -> None:
         """Start anew: later keyframes share nothing with those before."""
         self.finish()
+        self._retired += self.keyframes
         self.keyframes.clear()
 
     def refresh_local(self, T_map_cam: Pose) -> None:
@@ -171,6 +180,7 @@ class LocalMapper:
 
     def _forget(self, timestamp: float) -> None:
         """Drop keyframes that no adjustment will use, and landmarks that are rarely found or long out of sight."""
+        self._retired += self.keyframes[: -self.settings.n_local_keyframes]
         del self.keyframes[: -self.settings.n_local_keyframes]
         store = self.landmarks
         unseen_s = timestamp - store.last_seen

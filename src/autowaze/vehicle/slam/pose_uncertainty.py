@@ -31,6 +31,10 @@ class PoseUncertainty:
         self._driven = np.zeros(3)
         return self.drift
 
+    def become(self, covariance: NDArray[np.float64]) -> None:
+        """A loop was closed: this is how uncertain the pose is now."""
+        self.drift = covariance
+
     def widen(self, covariance: NDArray[np.float64]) -> None:
         """Something happened that nobody saw."""
         self.drift = self.drift + covariance

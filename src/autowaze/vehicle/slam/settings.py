@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
+from autowaze.vehicle.slam.loops.settings import LoopSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +39,7 @@ class SlamSettings:
         n_adjusted, n_fixed: keyframes that bundle adjustment moves, and older ones that hold it.
         memory_s: landmarks of this drive that were not seen for so long are forgotten, so that a drive may last.
         local_radius_m: features of the stored map within it are looked for.
+        loops: of loop closing.
     """
 
     n_levels: int = 8
@@ -63,6 +66,7 @@ class SlamSettings:
     n_fixed: int = 5
     memory_s: float = 20.0
     local_radius_m: float = 60.0
+    loops: LoopSettings = field(default_factory=LoopSettings)
 
     @property
     def n_local_keyframes(self) -> int:

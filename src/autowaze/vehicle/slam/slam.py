@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.vehicle.slam.gnss_constraint import GnssConstraint, GnssPosition
+from autowaze.vehicle.slam.keyframe import Keyframe
 from autowaze.vehicle.slam.keyframe_policy import KeyframePolicy
-from autowaze.vehicle.slam.landmarks import NO_LANDMARK, Landmarks
+from autowaze.vehicle.slam.landmarks import Landmarks
 from autowaze.vehicle.slam.local_mapper import LocalMapper
+from autowaze.vehicle.slam.loops.closer import LoopCloser
 from autowaze.vehicle.slam.observed_frame import ObservedFrame
 from autowaze.vehicle.slam.pose_uncertainty import PoseUncertainty
 from autowaze.vehicle.slam.relocalizer import START_SIGMA_M, PositionPrior, Relocalizer, prior_of_fix
@@ -43,6 +45,8 @@ class StereoSlam:
 
     Attributes:
         landmarks: all features held on to, see `Landmarks`.
+        loops: the places of the drive and the loops that it closed; without a stored map alone, which holds the pose
+            itself.
     """
 
     def __init__(
@@ -71,7 +75,9 @@ class StereoSlam:
         self._level_scale = settings.level_scale
         self._last: Located | None = None
         self._velocity: Pose | None = None
+        self.loops = LoopCloser(camera, settings)
         self._uncertainty = PoseUncertainty()
+        self._since_keyframe = PoseUncertainty()
         self._gnss = GnssConstraint(start_sigma)
         self._count = 0
         self._blind_frames = 0
@@ -122,8 +128,15 @@ class StereoSlam:
             self._mapper.refresh_local(self._last.T_map_cam)
 
     def finish(self) -> None:
-        """Wait for the bundle adjustment under way and apply it."""
+        """Wait for the bundle adjustment under way and apply it; look for loops to the end.
+
+        The loops correct the places of the drive, see `adjusted_poses`, and no pose or landmark that was told already.
+        """
         self._mapper.finish()
+        if not self._has_map:
+            self._mapper.forget()
+            self.loops.remember(self._mapper.take_retired(), self.landmarks)
+            self.loops.finish()
 
     def _observe(self, features: CameraFeatures, moving: NDArray[np.bool_] | None) -> ObservedFrame:
         s = self.settings
@@ -134,6 +147,10 @@ class StereoSlam:
         moved = self._mapper.adopt(self._count)
         if moved is not None and self._last is not None:
             self._last = self._last.moved(moved)
+        closed = self.loops.adopt(self._count)
+        if closed is not None and self._last is not None:
+            self._last = self._last.moved(self._mapper.move(closed)).moved(closed)
+            self._uncertainty.become(self.loops.covariance)
 
     def _begin(self, frame: ObservedFrame, timestamp: float, index: int, fix: GnssPosition | None) -> TrackedFrame:
         """First frames: found in the stored map, or made the first keyframe."""
@@ -185,7 +202,9 @@ class StereoSlam:
         if self._seeing_but_lost < self.settings.restart_after:
             return None, "the view matches no known place"
         self._mapper.forget()
-        self._uncertainty.widen(np.diag([self._blind_m() ** 2] * 3 + [0.1] * 3))
+        unseen = np.diag([self._blind_m() ** 2] * 3 + [0.1] * 3)
+        self._uncertainty.widen(unseen)
+        self._since_keyframe.widen(unseen)
         return Located.at(frame, self._last.T_map_cam), "odometry started afresh after a loss"
 
     def _found(
@@ -202,9 +221,7 @@ class StereoSlam:
         self.landmarks.count_sightings(located.visible_row, located.landmark_id, located.frame.features, timestamp)
         visible_id = self.landmarks.id[located.visible_row]
         if self._keyframe_policy.wants(located, self._mapper.keyframes[-1:]):
-            ids = self._mapper.insert(located.frame, located.T_map_cam, located.landmark_id, self._count, timestamp)
-            self._keyframe_policy.took(ids)
-            located = replace(located, landmark_id=ids)
+            located = self._made_keyframe(located, timestamp)
         self._last = located
         state, why = self._judge(located)
         return TrackedFrame(
@@ -220,12 +237,26 @@ class StereoSlam:
             visible_id=visible_id,
         )
 
+    def _made_keyframe(self, located: Located, timestamp: float) -> Located:
+        """The frame with the landmarks that were made from it."""
+        T, drift = located.T_map_cam.copy(), self._uncertainty.drift
+        sigma_m = float(np.sqrt(np.diag(drift)[:3].max()))
+        keyframe = Keyframe(self._count, T, located.frame, located.landmark_id, self._since_keyframe.drift, sigma_m)
+        self._since_keyframe.anchor()
+        self._mapper.insert(keyframe, timestamp)
+        self._keyframe_policy.took(keyframe.landmark_id)
+        retired = self._mapper.take_retired()
+        if not self._has_map:
+            self.loops.remember(retired, self.landmarks)
+        return replace(located, landmark_id=keyframe.landmark_id)
+
     def _covariance(self, located: Located, before: Located | None) -> NDArray[np.float64]:
         """The stored map holds the pose; without it the pose drifts on from that of the frame before."""
         own = located.estimate.covariance
         if self._has_map and located.n_stored_inliers >= self.settings.min_stored_inliers:
             return self._uncertainty.anchor(own)
         T_before = located.T_map_cam if before is None else before.T_map_cam
+        self._since_keyframe.move(T_before, located.T_map_cam, own)
         return self._uncertainty.move(T_before, located.T_map_cam, own)
 
     def _held_by(
@@ -239,6 +270,7 @@ class StereoSlam:
         if found is None:
             return located
         self._mapper.move(found.motion)
+        self.loops.carry(found.motion)
         self._uncertainty.correct(found.remaining)
         return located.moved(found.motion)
 
@@ -276,7 +308,9 @@ class StereoSlam:
         if self._velocity is not None and self._blind_frames <= _MAX_BLIND_FRAMES:
             self._last = self._last.moved(self._last.T_map_cam @ self._velocity @ inverse(self._last.T_map_cam))
         covariance = self._uncertainty.drift + np.diag([self._blind_m() ** 2] * 3 + [0.1] * 3)
-        return self._without_pose(frame, timestamp, index, TrackingState.LOST, reason, self._last.T_map_cam, covariance)
+        return TrackedFrame.without_pose(
+            frame, timestamp, index, TrackingState.LOST, reason, self._last.T_map_cam, covariance
+        )
 
     def _blind_m(self) -> float:
         """How far the car may have come since it was lost."""
@@ -285,19 +319,4 @@ class StereoSlam:
 
     def _nowhere(self, frame: ObservedFrame, timestamp: float, index: int, reason: str) -> TrackedFrame:
         T = np.eye(4) if self._T_start is None else self._T_start
-        return self._without_pose(frame, timestamp, index, TrackingState.INITIALIZING, reason, T, _UNKNOWN)
-
-    def _without_pose(
-        self,
-        frame: ObservedFrame,
-        timestamp: float,
-        index: int,
-        state: TrackingState,
-        reason: str,
-        T_map_cam: Pose,
-        covariance: NDArray[np.float64],
-    ) -> TrackedFrame:
-        none = np.full(len(frame), NO_LANDMARK, np.int64)
-        return TrackedFrame(
-            index, timestamp, state, reason, T_map_cam.copy(), covariance.copy(), 0, 0, none, np.zeros(0, np.int64)
-        )
+        return TrackedFrame.without_pose(frame, timestamp, index, TrackingState.INITIALIZING, reason, T, _UNKNOWN)

@@ -8,6 +8,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.vehicle.slam.landmarks import NO_LANDMARK
+from autowaze.vehicle.slam.observed_frame import ObservedFrame
 from autowaze.world.pose import Pose
 
 
@@ -53,6 +55,21 @@ class TrackedFrame:
     n_stored_inliers: int
     landmark_id: NDArray[np.int64]
     visible_id: NDArray[np.int64]
+
+    @classmethod
+    def without_pose(
+        cls,
+        frame: ObservedFrame,
+        timestamp: float,
+        index: int,
+        state: TrackingState,
+        reason: str,
+        T_map_cam: Pose,
+        covariance: NDArray[np.float64],
+    ) -> TrackedFrame:
+        """A frame whose pose (4, 4) is a guess."""
+        none, nothing = np.full(len(frame), NO_LANDMARK, np.int64), np.zeros(0, np.int64)
+        return cls(index, timestamp, state, reason, T_map_cam.copy(), covariance.copy(), 0, 0, none, nothing)
 
     @property
     def is_trustworthy(self) -> bool:

@@ -1,0 +1,243 @@
+"""Loop closing behind the scenes: places are searched, loops confirmed, the drive adjusted.
+
+Everything heavy runs in a thread of its own; its results are applied at frame numbers fixed when it began, so that no
+result depends on the speed of the machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autowaze.vehicle.slam.keyframe import Keyframe
+from autowaze.vehicle.slam.landmarks import Landmarks
+from autowaze.vehicle.slam.loops.adjustment import adjust_places
+from autowaze.vehicle.slam.loops.place import Place, remembered
+from autowaze.vehicle.slam.loops.pose_graph import GraphSolution, RelativePoses, optimize_graph
+from autowaze.vehicle.slam.loops.recognition import PlaceIndex
+from autowaze.vehicle.slam.loops.settings import LoopSettings
+from autowaze.vehicle.slam.loops.verification import Loop, verify
+from autowaze.vehicle.slam.settings import SlamSettings
+from autowaze.world.camera import StereoCamera
+from autowaze.world.pose import Pose, inverse, so3_log
+
+
+@dataclass(frozen=True)
+class _Pending:
+    due: int
+    n_places: int
+    result: Future[Any]
+    apply: Callable[[Any], None]
+
+
+class LoopCloser:
+    """Remembers places, recognises them, and corrects the drive when it comes back to one.
+
+    Attributes:
+        places: of the drive so far, with their poses as they are known today.
+        loops: the confirmed ones.
+        corrections: (frame number, (4, 4) map to map): from this frame on poses are told after this motion.
+        covariance: (6, 6) of the newest place's pose after the last correction, in the map frame.
+    """
+
+    def __init__(self, camera: StereoCamera, settings: SlamSettings) -> None:
+        self.camera = camera
+        self.settings = settings
+        self.places: list[Place] = []
+        self.loops: list[Loop] = []
+        self.corrections: list[tuple[int, Pose]] = []
+        self.covariance: NDArray[np.float64] = np.zeros((6, 6))
+        self._index = PlaceIndex()
+        self._n_searched = self._n_forgotten = 0
+        self._unconfirmed: list[Loop] = []
+        self._n_closed = self._n_adjusted = 0  # loops that the poses agree with
+        self._pending: _Pending | None = None
+        self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="loop-closing")
+        self._last_place: Pose = np.eye(4)  # where the map around the car has it
+        self._since: NDArray[np.float64] = np.zeros((6, 6))  # covariance of the motion since then
+
+    def remember(self, keyframes: Sequence[Keyframe], landmarks: Landmarks) -> None:
+        """Take in keyframes that local bundle adjustment is done with, oldest first."""
+        for keyframe in keyframes:
+            self._since = self._since + keyframe.covariance
+            if self._is_new_place(keyframe):
+                self._add(keyframe, landmarks)
+
+    def carry(self, motion: Pose) -> None:
+        """The map around the car moved (4, 4, map to map), the places stay: something absolute mended the drift."""
+        self._last_place = motion @ self._last_place
+
+    def adopt(self, index: int) -> Pose | None:
+        """Apply what is due at this frame and begin what is next; returns how the newest places moved (4, 4)."""
+        moved = None
+        if self._pending is not None and index >= self._pending.due:
+            moved = self._apply()
+            self.corrections += [] if moved is None else [(index, moved)]
+        if self._pending is None:
+            self._begin(index, self.settings.loops.leave_places)
+        return moved
+
+    def finish(self) -> None:
+        """Do everything that is left to do, at once; it corrects the places alone."""
+        while True:
+            if self._pending is None:
+                self._begin(0, 0)
+            if self._pending is None:
+                return
+            self._apply()
+
+    def _is_new_place(self, keyframe: Keyframe) -> bool:
+        if not self.places:
+            return True
+        step = inverse(self._last_place) @ keyframe.T_map_cam
+        s = self.settings.loops
+        far = np.linalg.norm(step[:3, 3]) > s.place_distance_m
+        return bool(far or np.linalg.norm(so3_log(step[:3, :3])) > s.place_angle_rad)
+
+    def _add(self, keyframe: Keyframe, landmarks: Landmarks) -> None:
+        s = self.settings.loops
+        T_before, covariance, path_m = np.eye(4), np.zeros((6, 6)), 0.0
+        if self.places:
+            before = self._last_place
+            T_before = inverse(before) @ keyframe.T_map_cam
+            path_m = self.places[-1].path_m + float(np.linalg.norm(T_before[:3, 3]))
+            to_before = np.kron(np.eye(2), before[:3, :3].T)
+            covariance = to_before @ self._since @ to_before.T
+        self._since = np.zeros((6, 6))
+        seen = remembered(keyframe, landmarks, s.features_per_place)
+        self._last_place = T = keyframe.T_map_cam.copy()
+        self.places.append(Place(keyframe.index, T, path_m, T_before, covariance, keyframe.sigma_m, *seen))
+
+    def _begin(self, index: int, leave_places: int) -> None:
+        """Start what is to be done next, if anything is."""
+        s = self.settings.loops
+        self._forget_oldest()
+        if len(self.loops) > self._n_closed:
+            self._submit(index + s.closing_frames, self._close, optimize_graph, self._poses(), self._known())
+        elif self._n_searched < len(self.places):
+            places, first = list(self.places), self._n_searched
+            self._submit(index + s.search_frames, self._confirm, self._search, places, first)
+        elif len(self.loops) > self._n_adjusted and len(self.places) > self.loops[-1].later + leave_places:
+            due = index + s.adjustment_frames + len(self.places) // s.places_per_frame
+            places, loops, T = list(self.places), list(self.loops), self._poses()
+            self._submit(due, self._adjust, adjust_places, places, T, loops, self.camera, self.settings)
+
+    def _submit(self, due: int, apply: Callable[[Any], None], work: Callable[..., Any], *arguments: Any) -> None:
+        self._pending = _Pending(due, len(self.places), self._worker.submit(work, *arguments), apply)
+
+    def _apply(self) -> Pose | None:
+        """Take over the result under way; returns the motion of the newest place that it knows, if it moved any."""
+        assert self._pending is not None
+        pending, self._pending = self._pending, None
+        newest = self.places[pending.n_places - 1]
+        before = newest.T_map_cam
+        pending.apply(pending.result.result())
+        if newest.T_map_cam is before:
+            return None
+        motion: Pose = newest.T_map_cam @ inverse(before)
+        for place in self.places[pending.n_places :]:
+            place.T_map_cam = motion @ place.T_map_cam
+        self._last_place = motion @ self._last_place
+        return motion
+
+    def _search(self, places: list[Place], first: int) -> list[Loop]:
+        """Loops from the places from `first` on back to earlier ones, the surest of each."""
+        s = self.settings.loops
+        T = np.stack([place.T_map_cam for place in places])
+        path_m = np.array([place.path_m for place in places])
+        found = []
+        for later in range(first, len(places)):
+            self._index.add(places[later].features.descriptor)
+            loops = [
+                verify(places, earlier, later, s.n_around, s.min_inliers, self.camera, self.settings)
+                for earlier in self._alike(later, _reachable(T, path_m, later, places[later].sigma_m, s))
+            ]
+            found += sorted([loop for loop in loops if loop], key=lambda loop: -loop.n_inliers)[:1]
+        return found
+
+    def _alike(self, later: int, candidates: NDArray[np.int64]) -> list[int]:
+        """The candidates most like a place, neighbours left out, that are as alike as a place seen again is."""
+        s = self.settings.loops
+        if not len(candidates):
+            return []
+        likeness = self._index.likeness(later, candidates)
+        enough = s.min_likeness * self._index.likeness(later, np.array([later - 1]))[0]
+        chosen: list[int] = []
+        for i in np.argsort(-likeness, kind="stable"):
+            apart = all(abs(int(candidates[i]) - other) > s.n_around for other in chosen)
+            if likeness[i] >= enough and apart and len(chosen) < s.n_candidates:
+                chosen.append(int(candidates[i]))
+        return chosen
+
+    def _confirm(self, found: list[Loop]) -> None:
+        """Loops count once several places in a row found themselves in the same way."""
+        s = self.settings.loops
+        self._n_searched = len(self._index)
+        for loop in found:
+            self._unconfirmed = [u for u in self._unconfirmed if loop.later - u.later <= 2 * s.n_consistent]
+            agree = [
+                u for u in self._unconfirmed if loop.agrees_with(u, self.places, s.consistency_m, s.consistency_rad)
+            ]
+            self._unconfirmed.append(loop)
+            if len(agree) + 1 >= s.n_consistent:
+                self.loops += [u for u in [*agree, loop] if u not in self.loops]
+
+    def _close(self, solution: GraphSolution) -> None:
+        self._n_closed = len(self.loops)
+        self.covariance = solution.covariance
+        self._place(solution.T_map_cam)
+
+    def _adjust(self, T_map_cam: NDArray[np.float64]) -> None:
+        """Take over adjusted poses; they are what is known of pairs of places from here on."""
+        self._n_adjusted = len(self.loops)
+        self._place(T_map_cam)
+        for before, place in zip(self.places[: len(T_map_cam) - 1], self.places[1 : len(T_map_cam)], strict=True):
+            place.T_before = inverse(before.T_map_cam) @ place.T_map_cam
+        self.loops = [replace(loop, T_earlier_later=self._between(loop.earlier, loop.later)) for loop in self.loops]
+
+    def _place(self, T_map_cam: NDArray[np.float64]) -> None:
+        for place, T in zip(self.places[: len(T_map_cam)], T_map_cam, strict=True):
+            place.T_map_cam = T
+
+    def _between(self, earlier: int, later: int) -> Pose:
+        return np.asarray(inverse(self.places[earlier].T_map_cam) @ self.places[later].T_map_cam)
+
+    def _poses(self) -> NDArray[np.float64]:
+        return np.stack([place.T_map_cam for place in self.places])
+
+    def _known(self) -> RelativePoses:
+        """Odometry from place to place, and loops."""
+        n, loops = len(self.places), self.loops
+        return RelativePoses(
+            a=np.concatenate([np.arange(n - 1), [loop.earlier for loop in loops]]),
+            b=np.concatenate([np.arange(1, n), [loop.later for loop in loops]]),
+            T_a_b=np.stack([p.T_before for p in self.places[1:]] + [loop.T_earlier_later for loop in loops]),
+            covariance=np.stack([p.covariance for p in self.places[1:]] + [loop.covariance for loop in loops]),
+            robust=np.arange(n - 1 + len(loops)) >= n - 1,
+        )
+
+    def _forget_oldest(self) -> None:
+        """Places beyond what memory is meant for keep their poses alone."""
+        while self._n_forgotten < min(len(self.places) - self.settings.loops.max_places, self._n_searched):
+            self.places[self._n_forgotten].forget()
+            self._index.forget(self._n_forgotten)
+            self._n_forgotten += 1
+
+
+def _reachable(
+    T_map_cam: NDArray[np.float64], path_m: NDArray[np.float64], later: int, sigma_m: float, settings: LoopSettings
+) -> NDArray[np.int64]:
+    """Earlier places that a place may be, going by its pose and by how uncertain that is."""
+    earlier = T_map_cam[:later]
+    offset = np.linalg.norm(earlier[:, :3, 3] - T_map_cam[later, :3, 3], axis=1)
+    cosine = earlier[:, :3, 2] @ T_map_cam[later, :3, 2]
+    return np.flatnonzero(
+        (path_m[later] - path_m[:later] > settings.min_path_m)
+        & (offset < settings.view_m + 3.0 * sigma_m)
+        & (cosine > np.cos(settings.max_turn_rad))
+    )

@@ -1,11 +1,15 @@
 """Groups of points -> vehicle boxes that know that only the visible side of a vehicle yields points.
 
 A centroid lies 0.85 m (in bays 1.6 m) nearer to the camera than the vehicle's centre. Here the points give the near
-faces of the box, the mean view direction tells which faces these are, and the usual size of the class gives the rest.
+faces of the box, the view direction tells which faces these are, the usual size of the class gives the rest, and the
+spot pulls a little: the fewer the points, the more.
 """
 
 from __future__ import annotations
 
+import math
+
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,9 +20,11 @@ from autowaze.world.labels import ClassLabel
 from autowaze.world.vehicles import VehicleBoxes
 
 MIN_POINTS = 4
-USUAL_SIZE_M = {ClassLabel.CAR: (4.3, 1.8), ClassLabel.TRUCK: (5.2, 2.0), ClassLabel.BUS: (10.0, 2.5)}
+USUAL_SIZE_M = {ClassLabel.CAR: (4.4, 1.8), ClassLabel.TRUCK: (5.2, 2.0), ClassLabel.BUS: (10.0, 2.5)}
 """Length and width; segmentation networks trained on COCO call vans and pick-ups trucks."""
 LONGEST_M = 14.0
+CROSSWISE_M = 1.0
+"""A group that is wider than a vehicle by this, and than it is long, stands across its row."""
 END_QUANTILES = (0.05, 0.95)
 FACE_QUANTILES = (0.12, 0.88)
 """Where the faces of a vehicle lie in the spread of its points: some lie behind the face, on bonnet, roof and through
@@ -27,6 +33,14 @@ SEEN_LENGTH_SHARE = (0.4, 0.6)
 """Points that span more of a vehicle's length than this lie along its whole side; fewer, on its near end only."""
 CERTAIN_VIEW = 0.15
 """Share of the view along an axis from which on it is certain which of two opposite faces was seen."""
+FIT_SIGMA_M = (0.35, 0.12)
+"""How far off a box is by its points along and across the vehicle: lengths differ more than widths do."""
+POINT_SIGMA_M = (1.0, 0.8)
+"""And by how many they are: over the square root of their number."""
+PARKED_SIGMA_M = (0.5, 0.45)
+"""How far from the middle of a spot vehicles stand, drift of the map included."""
+STRAY_SIGMA_M = 0.8
+"""One that stands farther off than a few of these stands elsewhere: the spot does not pull it."""
 
 
 def boxes_from_visible_side(groups: VehicleGroups, spots: SpotIndex) -> VehicleBoxes:
@@ -34,14 +48,17 @@ def boxes_from_visible_side(groups: VehicleGroups, spots: SpotIndex) -> VehicleB
     rows = np.flatnonzero(groups.sizes >= MIN_POINTS)
     views = groups.views[rows]
     nearest = spots.grid.nearest(groups.centroids[rows], ROW_REACH_M)
-    row_heading = np.where(nearest >= 0, spots.heading[nearest], 0.0)
-    fitted = [
-        _fit(groups.position[groups.group == row, :2], direction, USUAL_SIZE_M[ClassLabel(label)], heading)
-        for row, direction, label, heading in zip(
-            rows, views.view_direction, views.label.tolist(), row_heading, strict=True
-        )
-    ]
-    table = np.array(fitted).reshape(-1, 5)
+    in_row = nearest >= 0
+    usual = np.array([USUAL_SIZE_M[ClassLabel(label)] for label in views.label.tolist()]).reshape(-1, 2)
+    table = _fitted(
+        np.ascontiguousarray(groups.position[:, :2]),
+        groups.starts[rows],
+        groups.sizes[rows],
+        views.view_direction,
+        usual,
+        np.where(in_row, spots.heading[nearest], 0.0),
+        np.where(in_row[:, None], spots.centre[nearest], np.nan),
+    )
     return VehicleBoxes(
         centre=table[:, :2],
         length=table[:, 2],
@@ -55,41 +72,71 @@ def boxes_from_visible_side(groups: VehicleGroups, spots: SpotIndex) -> VehicleB
     )
 
 
-def _fit(
-    points: NDArray[np.float64], view_direction: NDArray[np.float64], usual: tuple[float, float], heading: float
-) -> tuple[float, float, float, float, float]:
-    """Centre x, y, length, width, heading of the box around points (N, 2)."""
-    along = np.array([np.sin(heading), np.cos(heading)])
-    across = np.array([np.cos(heading), -np.sin(heading)])
-    axes = np.stack([along, across])
-    coordinates = np.sort(points @ axes.T, axis=0)
-    ends, faces = _ends_and_faces(coordinates)
-    if ends[1, 1] - ends[0, 1] > max(usual[1] + 1.0, ends[1, 0] - ends[0, 0]):  # it stands across the row
-        axes, heading = np.stack([across, -along]), (heading + np.pi / 2) % np.pi
-        coordinates = np.sort(points @ axes.T, axis=0)
-        ends, faces = _ends_and_faces(coordinates)
-    low, high = faces
-    span = float(ends[1, 0] - ends[0, 0])
-    size = np.array([min(max(span, usual[0]), LONGEST_M), usual[1]])
-    towards = np.clip(axes @ view_direction / CERTAIN_VIEW, -1.0, 1.0)
-    near = np.where(towards > 0, low, high) * np.abs(towards) + (low + high) / 2 * (1.0 - np.abs(towards))
-    middle = near + towards * size / 2
-    whole_side = np.interp(span / usual[0], SEEN_LENGTH_SHARE, (0.0, 1.0))
-    middle[0] += whole_side * (ends[:, 0].mean() - middle[0])
-    centre = middle @ axes
-    return float(centre[0]), float(centre[1]), float(size[0]), float(size[1]), float(heading)
+@numba.njit(cache=True, nogil=True)
+def _fitted(
+    points: NDArray[np.float64],
+    starts: NDArray[np.int64],
+    sizes: NDArray[np.int64],
+    view_direction: NDArray[np.float64],
+    usual: NDArray[np.float64],
+    row_heading: NDArray[np.float64],
+    spot_centre: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Centre x, y, length, width, heading (G, 5) of the boxes around groups of points (P, 2)."""
+    table = np.empty((len(starts), 5))
+    axes, middle, size = np.empty((2, 2)), np.empty(2), np.empty(2)
+    for g in range(len(starts)):
+        own = points[starts[g] : starts[g] + sizes[g]]
+        heading = row_heading[g]
+        _turn(axes, heading)
+        along, across = np.sort(own @ axes[0]), np.sort(own @ axes[1])
+        wide = _quantile(across, END_QUANTILES[1]) - _quantile(across, END_QUANTILES[0])
+        long = _quantile(along, END_QUANTILES[1]) - _quantile(along, END_QUANTILES[0])
+        if wide > max(usual[g, 1] + CROSSWISE_M, long):
+            heading = (heading + np.pi / 2) % np.pi
+            _turn(axes, heading)
+            along, across = np.sort(own @ axes[0]), np.sort(own @ axes[1])
+            long = _quantile(along, END_QUANTILES[1]) - _quantile(along, END_QUANTILES[0])
+        size[0], size[1] = min(max(long, usual[g, 0]), LONGEST_M), usual[g, 1]
+        for axis in range(2):
+            ascending = along if axis == 0 else across
+            low, high = _quantile(ascending, FACE_QUANTILES[0]), _quantile(ascending, FACE_QUANTILES[1])
+            towards = axes[axis, 0] * view_direction[g, 0] + axes[axis, 1] * view_direction[g, 1]
+            towards = min(max(towards / CERTAIN_VIEW, -1.0), 1.0)
+            near = low if towards > 0 else high
+            near = near * abs(towards) + (low + high) / 2 * (1.0 - abs(towards))
+            middle[axis] = near + towards * size[axis] / 2
+        share = (long / usual[g, 0] - SEEN_LENGTH_SHARE[0]) / (SEEN_LENGTH_SHARE[1] - SEEN_LENGTH_SHARE[0])
+        ends = (_quantile(along, END_QUANTILES[0]) + _quantile(along, END_QUANTILES[1])) / 2
+        middle[0] += min(max(share, 0.0), 1.0) * (ends - middle[0])
+        if not np.isnan(spot_centre[g, 0]):
+            _pull(middle, axes @ spot_centre[g], sizes[g])
+        table[g, :2] = middle[0] * axes[0] + middle[1] * axes[1]
+        table[g, 2], table[g, 3], table[g, 4] = size[0], size[1], heading
+    return table
 
 
-def _ends_and_faces(ascending: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where a vehicle ends, and where its faces lie, low and high (2, K), in sorted columns (N, K)."""
-    both = _quantiles(ascending, END_QUANTILES + FACE_QUANTILES)
-    return both[:2], both[2:]
+@numba.njit(cache=True, nogil=True)
+def _pull(middle: NDArray[np.float64], spot: NDArray[np.float64], count: int) -> None:
+    """Move the middle (2,) of a box towards that of its spot (2,), both along and across, as far as each is sure."""
+    away2 = (spot[0] - middle[0]) ** 2 + (spot[1] - middle[1]) ** 2
+    belongs = math.exp(-away2 / (2.0 * STRAY_SIGMA_M**2))
+    for axis in range(2):
+        fit2 = FIT_SIGMA_M[axis] ** 2 + POINT_SIGMA_M[axis] ** 2 / count
+        middle[axis] += belongs * fit2 / (fit2 + PARKED_SIGMA_M[axis] ** 2) * (spot[axis] - middle[axis])
 
 
-def _quantiles(ascending: NDArray[np.float64], shares: tuple[float, ...]) -> NDArray[np.float64]:
-    """Quantiles (S, K) of sorted columns (N, K), linear between ranks; np.quantile takes ten times as long."""
-    rank = np.array(shares) * (len(ascending) - 1)
-    below = rank.astype(np.int64)
-    above = np.minimum(below + 1, len(ascending) - 1)
-    part = (rank - below)[:, None]
-    return np.asarray(ascending[below] * (1.0 - part) + ascending[above] * part)
+@numba.njit(cache=True, nogil=True)
+def _turn(axes: NDArray[np.float64], heading: float) -> None:
+    """Make the axes (2, 2) lie along and across this heading."""
+    sin, cos = math.sin(heading), math.cos(heading)
+    axes[0, 0], axes[0, 1], axes[1, 0], axes[1, 1] = sin, cos, cos, -sin
+
+
+@numba.njit(cache=True, nogil=True)
+def _quantile(ascending: NDArray[np.float64], share: float) -> float:
+    """Quantile of sorted values (N,), linear between ranks."""
+    rank = share * (len(ascending) - 1)
+    below = int(rank)
+    above = min(below + 1, len(ascending) - 1)
+    return ascending[below] * (1.0 - (rank - below)) + ascending[above] * (rank - below)

@@ -65,7 +65,19 @@ def main() -> None:
     elif args.command == "train":
         from training.train import Plan, train
 
-        train(Plan(args.data, args.run, args.steps, args.batch, args.lr, args.start_from, args.processes, args.seed))
+        train(
+            Plan(
+                data=args.data,
+                run=args.run,
+                steps=args.steps,
+                batch=args.batch,
+                lr=args.lr,
+                start_from=args.start_from,
+                processes=args.processes,
+                hardness=args.hardness,
+                seed=args.seed,
+            )
+        )
     elif args.command == "evaluate":
         _evaluate(args)
     else:

@@ -19,6 +19,7 @@ from autowaze.vehicle.semantics.classes import UNKNOWN_CLASS, labels_of_classes
 from autowaze.vehicle.semantics.letterbox import Letterbox, paste_in_box
 from autowaze.vehicle.semantics.model_config import ModelConfig
 from autowaze.vehicle.semantics.network import Network
+from autowaze.vehicle.semantics.vote_grouping import instances_of_votes
 from autowaze.world.errors import ModelError
 from autowaze.world.frame import Image, to_grey
 from autowaze.world.instances import Detections
@@ -30,12 +31,6 @@ OUTPUT_STRIDE = 2
 
 _MIN_CONFIDENCE = 0.35
 _LONG_SIDE = 832
-_SEED_SCORE = 0.25
-_AGREEMENT = 0.3
-"""Overlap of two boxes from which they are votes for one instance."""
-_SAME_INSTANCE = 0.5
-_MIN_CELLS = 8
-_MAX_INSTANCES = 100
 _CERTAIN = 4.0
 
 
@@ -109,95 +104,18 @@ def group_votes(
     margin = np.asarray(votes[1 : 1 + n_classes].max(axis=0) - votes[0], np.float32)
     ys, xs = np.nonzero(margin > 0)
     distance = DISTANCE_UNIT * np.exp(np.clip(votes[-5:-1, ys, xs], -6.0, 6.0)).T
-    at = OUTPUT_STRIDE * np.stack([xs, ys], axis=1) + np.float32(OUTPUT_STRIDE / 2)
+    at = (OUTPUT_STRIDE * np.stack([xs, ys], axis=1) + OUTPUT_STRIDE / 2).astype(np.float32)
     boxes = np.concatenate([at - distance[:, :2], at + distance[:, 2:]], axis=1).astype(np.float32)
-    score = (_sigmoid(margin[ys, xs]) * _sigmoid(votes[-1, ys, xs])).astype(np.float32)
-    kinds = kind[ys, xs]
-    order = np.argsort(-score, kind="stable")
-    seeds, seed_kind = _seeds(boxes[order], score[order], kinds[order], at[order])
-    cell_owner = _assign(boxes, kinds, at, seeds, seed_kind)
     owner = np.full(margin.shape, -1, np.int16)
+    cell_owner, confidence, number = instances_of_votes(
+        at, boxes, kind[ys, xs], _sigmoid(margin[ys, xs]), _sigmoid(votes[-1, ys, xs]), OUTPUT_STRIDE
+    )
     owner[ys, xs] = cell_owner
-    confidence = _confidence(boxes, _sigmoid(margin[ys, xs]), at, cell_owner, len(seeds))
-    return owner, margin, confidence, seed_kind
+    return owner, margin, confidence, number
 
 
 def _sigmoid(x: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(0.5 * (1.0 + np.tanh(0.5 * x)), np.float32)
-
-
-@numba.njit(cache=True)
-def _overlap(a: NDArray[np.float32], b: NDArray[np.float32]) -> float:
-    """IoU of two boxes (4,)."""
-    w = min(a[2], b[2]) - max(a[0], b[0])
-    h = min(a[3], b[3]) - max(a[1], b[1])
-    if w <= 0 or h <= 0:
-        return 0.0
-    both = w * h
-    return float(both / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - both))
-
-
-@numba.njit(cache=True)
-def _seeds(
-    boxes: NDArray[np.float32], score: NDArray[np.float32], kinds: NDArray[np.int64], at: NDArray[np.float32]
-) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """Boxes (K, 4) on which many votes agree, with their classes; the votes come in falling order of score.
-
-    The best vote that nobody speaks for yet asks all others like it; their weighted mean is an instance, unless it is
-    one that is there already.
-    """
-    free = np.arange(len(boxes))
-    found = np.empty((_MAX_INSTANCES, 4), np.float32)
-    found_kind = np.empty(_MAX_INSTANCES, np.int64)
-    count = 0
-    while len(free) and count < _MAX_INSTANCES and score[free[0]] >= _SEED_SCORE:
-        seed, kind = boxes[free[0]], kinds[free[0]]
-        mean, weight, agreeing = np.zeros(4), 0.0, 0
-        for i in free:
-            if kinds[i] == kind and _overlap(boxes[i], seed) > _AGREEMENT:
-                agreeing += 1
-                weight += score[i]
-                for side in range(4):
-                    mean[side] += score[i] * boxes[i, side]
-        centre = (mean / weight).astype(np.float32)
-        left = np.empty(len(free), np.int64)
-        n_left = 0
-        for position, i in enumerate(free):
-            own = _overlap(boxes[i], centre) > _AGREEMENT or _overlap(boxes[i], seed) > _AGREEMENT
-            if position > 0 and not (kinds[i] == kind and own):
-                left[n_left] = i
-                n_left += 1
-        free = left[:n_left]
-        known = False
-        for k in range(count):
-            known = known or (found_kind[k] == kind and _overlap(found[k], centre) > _SAME_INSTANCE)
-        if agreeing >= _MIN_CELLS and not known:
-            found[count], found_kind[count] = centre, kind
-            count += 1
-    return found[:count], found_kind[:count]
-
-
-@numba.njit(cache=True)
-def _assign(
-    boxes: NDArray[np.float32],
-    kinds: NDArray[np.int64],
-    at: NDArray[np.float32],
-    seeds: NDArray[np.float32],
-    seed_kind: NDArray[np.int64],
-) -> NDArray[np.int64]:
-    """Number of the instance (N,) whose box is most like each vote, -1 where none is."""
-    owner = np.full(len(boxes), -1, np.int64)
-    for i in range(len(boxes)):
-        best = 0.25
-        x, y = at[i]
-        for k in range(len(seeds)):
-            s = seeds[k]
-            if kinds[i] != seed_kind[k] or x < s[0] - 4 or x > s[2] + 4 or y < s[1] - 4 or y > s[3] + 4:
-                continue
-            overlap = _overlap(boxes[i], s)
-            if overlap > best:
-                best, owner[i] = overlap, k
-    return owner
 
 
 def _masks(
@@ -228,45 +146,6 @@ def _masks(
         if len(rows):
             box[:] = columns[0], rows[0], columns[-1] + 1, rows[-1] + 1
     return masks, boxes
-
-
-@numba.njit(cache=True)
-def _confidence(
-    boxes: NDArray[np.float32],
-    probability: NDArray[np.float32],
-    at: NDArray[np.float32],
-    owner: NDArray[np.int64],
-    count: int,
-) -> NDArray[np.float32]:
-    """How sure each instance is (count,), 0 for those of a few pixels.
-
-    The mean probability of its pixels, times the mean overlap of their votes with the mean vote, times the overlap of
-    the mean vote with the box that the pixels really fill: what is no instance gets votes that contradict each other
-    or the picture.
-    """
-    cells, sure, agreement = np.zeros(count), np.zeros(count), np.zeros(count)
-    mean, filled = np.zeros((count, 4), np.float32), np.zeros((count, 4), np.float32)
-    filled[:, :2], filled[:, 2:] = np.inf, -np.inf
-    half = np.float32(OUTPUT_STRIDE / 2)
-    for i in range(len(owner)):
-        k = owner[i]
-        if k >= 0:
-            cells[k] += 1
-            sure[k] += probability[i]
-            mean[k] += boxes[i]
-            for axis in range(2):
-                filled[k, axis] = min(filled[k, axis], at[i, axis] - half)
-                filled[k, axis + 2] = max(filled[k, axis + 2], at[i, axis] + half)
-    for k in range(count):
-        mean[k] /= np.float32(max(cells[k], 1.0))
-    for i in range(len(owner)):
-        if owner[i] >= 0:
-            agreement[owner[i]] += _overlap(boxes[i], mean[owner[i]])
-    confidence = np.zeros(count, np.float32)
-    for k in range(count):
-        if cells[k] >= _MIN_CELLS:
-            confidence[k] = sure[k] / cells[k] * (agreement[k] / cells[k]) * _overlap(mean[k], filled[k])
-    return confidence
 
 
 @numba.njit(cache=True)

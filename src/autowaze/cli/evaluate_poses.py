@@ -55,10 +55,16 @@ def odometry(
         typer.Option(help="Another system's poses of the same drive, TUM or KITTI; may be given more than once."),
     ] = None,
     trajectory: _Trajectory = None,
+    adjusted: Annotated[
+        Path | None,
+        typer.Option(help="Write the poses as known after the drive here, loops closed and places adjusted together."),
+    ] = None,
     plot: _Plot = None,
     json_file: JsonFile = None,
 ) -> None:
     """Visual odometry against true poses: RPE per frame, APE after alignment, times.
+
+    Poses are scored as they were told when each frame came; those known after the drive, as "adjusted".
 
     Examples:
 
@@ -66,8 +72,8 @@ def odometry(
 
         autowaze evaluate odometry kitti/odometry_00 --against orb_slam2.txt --plot both.png --trajectory ours.tum
     """
-    if len(traces) > 1 and (against or trajectory or plot):
-        raise AutowazeError(f"--against, --trajectory and --plot are for one drive, not for {len(traces)}")
+    if len(traces) > 1 and (against or trajectory or adjusted or plot):
+        raise AutowazeError(f"--against, --trajectory, --adjusted and --plot are for one drive, not for {len(traces)}")
     others = [read_trajectory(path) for path in against or []]
     results: Results = {}
     for path in traces:
@@ -81,6 +87,8 @@ def odometry(
         results |= {name: trajectory_metrics(estimates[name].T_world_cam, estimates[name].T_truth) for name in foreign}
         if trajectory:
             write_tum(trajectory, run.timestamp, run.T_map_cam)
+        if adjusted:
+            write_tum(adjusted, run.timestamp, run.T_adjusted)
         if plot:
             draw_odometry(plot, trace.name, estimates)
     inputs = {"traces": [str(p) for p in traces], "frames": frames, "against": [str(p) for p in against or []]}

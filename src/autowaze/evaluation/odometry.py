@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.evaluation.drive import Progress
-from autowaze.evaluation.trajectory import trajectory_metrics
+from autowaze.evaluation.trajectory import absolute_errors, trajectory_metrics
 from autowaze.traces import Trace
+from autowaze.vehicle.slam.loops.correction import DriveCorrection
 from autowaze.vehicle.slam.slam import StereoSlam
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame
 from autowaze.vehicle.vision.extractor import FeatureExtractor
@@ -22,10 +23,21 @@ _WARM_UP_FRAMES = 3
 
 @dataclass(frozen=True)
 class OdometryRun:
-    """Tracked frames and the milliseconds (N,) that each took, features included."""
+    """A tracked drive.
+
+    Attributes:
+        tracked: one per frame, as told when it came.
+        track_ms: (N,) milliseconds that each took, features included.
+        T_adjusted: (N, 4, 4) poses as they are known after the drive: its loops closed, its places adjusted together.
+        n_loops: places at which the drive found that it had been there before.
+        n_open: frames until the first loop was closed; all of them where there is none.
+    """
 
     tracked: list[TrackedFrame]
     track_ms: NDArray[np.float64]
+    T_adjusted: NDArray[np.float64]
+    n_loops: int
+    n_open: int
 
     @property
     def T_map_cam(self) -> NDArray[np.float64]:  # noqa: N802
@@ -45,9 +57,13 @@ def run_odometry(trace: Trace, progress: Progress | None = None) -> OdometryRun:
 
 
 def odometry_metrics(run: OdometryRun, T_true: NDArray[np.float64]) -> dict[str, float]:
-    """Errors against true poses (N, 4, 4), and times."""
+    """Errors against true poses (N, 4, 4), and times; `adjusted` is known after the drive, the rest was told."""
+    adjusted, before_closing = trajectory_metrics(run.T_adjusted, T_true), slice(run.n_open)
     return {
         **trajectory_metrics(run.T_map_cam, T_true),
+        **{f"adjusted_{name}": adjusted[name] for name in ("rpe_mean_cm", "ape_rmse_m", "ape_max_m")},
+        "loops": float(run.n_loops),
+        "before_closing_ape_rmse_m": absolute_errors(run.T_map_cam[before_closing], T_true[before_closing]).rmse,
         "trusted_fraction": float(np.mean([t.is_trustworthy for t in run.tracked])),
         "track_ms_median": float(np.median(run.track_ms)),
         "track_ms_p95": float(np.percentile(run.track_ms, 95)),
@@ -63,4 +79,7 @@ def _track(trace: Trace, frames: Iterable[StereoFrame]) -> OdometryRun:
         tracked.append(slam.track(extractor.extract(frame), frame.timestamp, frame.index))
         milliseconds.append(1000 * (time.perf_counter() - start))
     slam.finish()
-    return OdometryRun(tracked, np.array(milliseconds))
+    slam.loops.adjust()
+    T_adjusted = DriveCorrection(slam.loops, np.stack([t.T_map_cam for t in tracked])).poses()
+    n_open = slam.loops.corrections[0][0] - 1 if slam.loops.corrections else len(tracked)
+    return OdometryRun(tracked, np.array(milliseconds), T_adjusted, len(slam.loops.loops), n_open)

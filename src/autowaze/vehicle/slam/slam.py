@@ -130,7 +130,7 @@ class StereoSlam:
     def finish(self) -> None:
         """Wait for the bundle adjustment under way and apply it; look for loops to the end.
 
-        The loops correct the places of the drive, see `adjusted_poses`, and no pose or landmark that was told already.
+        Those correct the places of the drive, see `DriveCorrection`, and no pose or landmark that was told already.
         """
         self._mapper.finish()
         if not self._has_map:

@@ -83,13 +83,22 @@ class LoopCloser:
         return moved
 
     def finish(self) -> None:
-        """Do everything that is left to do, at once; it corrects the places alone."""
-        while True:
+        """Look for loops to the end and close them, at once; it corrects the places alone."""
+        while self._pending is not None or self._is_open():
             if self._pending is None:
                 self._begin(0, 0)
-            if self._pending is None:
-                return
             self._apply()
+
+    def adjust(self) -> None:
+        """Adjust the whole drive once more, at once, as for a map; every place that has been since then counts."""
+        self.finish()
+        if self.places:
+            self._adjust(adjust_places(self.places, self._poses(), self.loops, self.camera, self.settings))
+
+    def _is_open(self) -> bool:
+        """Whether something is left to do."""
+        n_known = min(self._n_closed, self._n_adjusted)
+        return self._n_searched < len(self.places) or len(self.loops) > n_known
 
     def _is_new_place(self, keyframe: Keyframe) -> bool:
         if not self.places:

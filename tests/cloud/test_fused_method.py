@@ -12,7 +12,10 @@ from autowaze.cloud.grouping import split_in_space
 from autowaze.cloud.instances import InstanceTable
 from autowaze.cloud.merging import merge_boxes
 from autowaze.cloud.methods import FUSED
+from autowaze.cloud.row_split import split_along_rows
 from autowaze.cloud.service import CloudService
+from autowaze.cloud.spots import SpotIndex
+from autowaze.cloud.visible_side import boxes_from_visible_side
 from autowaze.world.identity import instance_keys
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.parking import Occupancy
@@ -111,6 +114,30 @@ def test_an_id_that_jumps_to_the_next_car_is_split():
     parts = split_in_space(groups_of(np.vstack([car, car + np.array([2.5, 0.0, 0.0])]), car + np.array([9.0, 0, 0])))
     assert parts.sizes.tolist() == [60, 60, 60]
     assert parts.views.key.tolist() == [1, 1, 2]
+
+
+@pytest.mark.parametrize("drift", [-0.5, 0.0, 0.5])
+def test_an_id_on_two_cars_side_by_side_is_cut_between_them(drift):
+    street = Street(bays=True)
+    cars = street.park([3, 4])
+    mouth = np.linspace(-0.85, 0.85, 18)[:, None] * street.along - 2.0 * street.across
+    points = np.vstack([mouth + np.array([car.x, car.y]) for car in cars])
+    points = np.column_stack([points + drift * street.along, np.zeros(len(points))])
+    spots = SpotIndex(street.parking_map)
+    assert split_along_rows(groups_of(points), spots).sizes.tolist() == [18, 18]
+    assert split_along_rows(groups_of(points[:18], points[18:]), spots).sizes.tolist() == [18, 18]
+
+
+def test_the_spot_pulls_a_parked_car_of_few_points_and_none_in_the_lane():
+    street = Street(count=6)
+    spots, points = SpotIndex(street.parking_map), np.linspace(-2.1, 2.1, 6)[:, None] * street.along
+    parked, lane = street.centre(2) + 0.4 * street.along, street.centre(2) - 2.6 * street.across
+    centre = {}
+    for name, middle in (("parked", parked), ("lane", lane)):
+        position = np.column_stack([points + middle, np.zeros(6)])
+        centre[name] = boxes_from_visible_side(groups_of(position), spots).centre[0]
+    assert 0.05 < (parked - centre["parked"]) @ street.along < 0.3
+    assert np.linalg.norm(centre["lane"] - lane) < 0.05
 
 
 def box_row(x, y, points, group, seen_at=0.0):

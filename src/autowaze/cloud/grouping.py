@@ -71,7 +71,8 @@ def split_in_space(groups: VehicleGroups, gap_m: float = SPLIT_GAP_M) -> Vehicle
     """
     part = number_parts(groups.position[:, :2], groups.starts, gap_m)
     first = np.unique(part, return_index=True)[1]
-    return VehicleGroups(groups.position, part, groups.views[groups.group[first]])
+    order = np.argsort(part, kind="stable")
+    return VehicleGroups(groups.position[order], part[order], groups.views[groups.group[first]])
 
 
 def _filled_in(views: InstanceViews, features: MapFeatures, group: NDArray[np.int64]) -> InstanceViews:

@@ -22,6 +22,7 @@ from autowaze.cloud.methods import FUSED, Method, method_named
 from autowaze.cloud.occupancy import vacant_rectangles
 from autowaze.cloud.outliers import remove_outliers
 from autowaze.cloud.parked_vehicles import ParkedVehicles
+from autowaze.cloud.row_split import split_along_rows
 from autowaze.cloud.scene import VehicleScene
 from autowaze.cloud.snapshot import SnapshotError
 from autowaze.cloud.spot_edits import SpotEdit
@@ -212,7 +213,8 @@ class CloudService:
 
     def _draw_boxes(self, groups: VehicleGroups) -> VehicleBoxes:
         if self.method.visible_side:
-            return boxes_from_visible_side(split_in_space(groups), self.spots)
+            groups = split_along_rows(split_in_space(groups), self.spots)
+            return boxes_from_visible_side(groups, self.spots)
         return boxes_of_average_size(groups, self.spots)
 
     def _place(self, instances: NDArray[np.uint64], boxes: VehicleBoxes) -> NDArray[np.int64]:

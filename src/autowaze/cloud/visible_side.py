@@ -139,4 +139,4 @@ def _quantile(ascending: NDArray[np.float64], share: float) -> float:
     rank = share * (len(ascending) - 1)
     below = int(rank)
     above = min(below + 1, len(ascending) - 1)
-    return ascending[below] * (1.0 - (rank - below)) + ascending[above] * (rank - below)
+    return float(ascending[below] * (1.0 - (rank - below)) + ascending[above] * (rank - below))

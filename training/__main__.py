@@ -35,6 +35,8 @@ def _parser() -> argparse.ArgumentParser:
     train.add_argument("--lr", type=float, default=3e-3, help="highest learning rate")
     train.add_argument("--start-from", type=Path, help="an exported model to begin with, such as the bundled one")
     train.add_argument("--processes", type=int, default=2, help="of one thread each")
+    train.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="a GPU takes --processes 1")
+    train.add_argument("--workers", type=int, default=1, help="processes that make crops, for each that trains")
     train.add_argument("--hardness", type=float, default=1.0, help="of the samples, 0 to 1")
     train.add_argument("--seed", type=int, default=0)
 
@@ -76,6 +78,8 @@ def main() -> None:
                 processes=args.processes,
                 hardness=args.hardness,
                 seed=args.seed,
+                device=args.device,
+                workers=args.workers,
             )
         )
     elif args.command == "evaluate":

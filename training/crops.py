@@ -18,6 +18,8 @@ _MIN_AREA = 14
 """Pixels of the output from which an instance counts; what is smaller is neither demanded nor forbidden."""
 _FOCUS = 0.7
 """Share of the crops that are centred on an instance."""
+_CROWDED = 2.0
+"""How much more the votes of an instance weigh the more its box overlaps another's: those are told apart by little."""
 
 
 def normalised(image: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -66,7 +68,8 @@ def targets(
     Returns:
         classes: (h, w) uint8 at half the size, 0 background, `IGNORED` where nothing is demanded.
         boxes: (h, w, 4) float32, left, top, right, bottom of the visible part of the pixel's instance in crop pixels.
-        weight: (h, w) float32, of the pixel's vote: the same in sum for instances of any size, up to a root.
+        weight: (h, w) float32, of the pixel's vote: the same in sum for instances of any size, up to a root, and more
+            for instances whose boxes overlap.
     """
     small = ids[1::2, 1::2]
     classes = CLASS_OF_LABEL[labels[small]]
@@ -81,7 +84,23 @@ def targets(
     table[:] = 2 * np.stack([left, top, right + 1, bottom + 1], 1)
     weight = np.where(area >= _MIN_AREA, np.sqrt(250.0 / np.maximum(area, 1)), 0.0).clip(0, 4)
     weight[0] = 0
+    weight *= 1 + _CROWDED * _crowding(table, weight > 0)
     too_small = (area < _MIN_AREA) & (np.arange(256) > 0)
     classes = np.where(too_small[small], np.uint8(IGNORED), classes)
     votes = weight.astype(np.float32)[small] * (classes > 0) * (classes != IGNORED)
     return classes.astype(np.uint8), table[small], votes.astype(np.float32)
+
+
+def _crowding(boxes: NDArray[np.float32], counts: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Largest overlap (256,) of each box (256, 4) with another one, of those that count."""
+    most = np.zeros(len(boxes), np.float32)
+    own = np.flatnonzero(counts)
+    if len(own) > 1:
+        a, b = boxes[own][:, None], boxes[own][None]
+        sides = (np.minimum(a[..., 2:], b[..., 2:]) - np.maximum(a[..., :2], b[..., :2])).clip(min=0)
+        area = (boxes[own, 2:] - boxes[own, :2]).prod(axis=1)
+        both = sides.prod(axis=2)
+        overlap = both / (area[:, None] + area[None] - both)
+        np.fill_diagonal(overlap, 0.0)
+        most[own] = overlap.max(axis=1)
+    return most

@@ -41,7 +41,7 @@ def export(network: Network, path: Path) -> None:
 
 def _folded(network: Network) -> Network:
     """A copy for inference without normalisation layers."""
-    network = copy.deepcopy(network).to(memory_format=torch.contiguous_format).eval()
+    network = copy.deepcopy(network).cpu().to(memory_format=torch.contiguous_format).eval()
     for module in network.modules():
         if isinstance(module, Conv):
             module.conv = torch.nn.utils.fusion.fuse_conv_bn_eval(module.conv, module.norm)

@@ -32,7 +32,7 @@ def _class_loss(logits: torch.Tensor, classes: torch.Tensor, weight: torch.Tenso
     """Cross-entropy with focus on seams and small instances, and the overlap (dice) of all vehicles together."""
     known = classes != IGNORED
     target = torch.where(known, classes, torch.zeros_like(classes)).long()
-    each = functional.cross_entropy(logits, target, _CLASS_WEIGHTS, reduction="none")
+    each = functional.cross_entropy(logits, target, _CLASS_WEIGHTS.to(logits.device), reduction="none")
     inside = (target > 0).float()[:, None]
     seam = functional.max_pool2d(inside, 5, 1, 2) + functional.max_pool2d(-inside, 5, 1, 2)
     factor = known * (1.0 + _SEAM_WEIGHT * seam[:, 0]) * torch.clamp(weight, 1.0, 3.0)
@@ -48,7 +48,7 @@ def _vote_losses(votes: torch.Tensor, boxes: torch.Tensor, weight: torch.Tensor)
     own = votes[n, :, y, x]
     true, w = boxes[n, y, x], weight[n, y, x]
     at = OUTPUT_STRIDE * torch.stack([x, y, x, y], 1) + OUTPUT_STRIDE / 2
-    sign = torch.tensor([-1.0, -1.0, 1.0, 1.0])
+    sign = torch.tensor([-1.0, -1.0, 1.0, 1.0], device=votes.device)
     box = at + sign * DISTANCE_UNIT * torch.exp(own[:, :4].clamp(-6, 6))
     iou, giou = _overlaps(box, true)
     size = torch.cat([true[:, 2:] - true[:, :2]] * 2, 1).clamp(min=8.0)

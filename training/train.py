@@ -1,4 +1,4 @@
-"""Training on a CPU: a crop a step and core in a twentieth of a second."""
+"""Training: on a CPU a core takes some 25 crops a second; on a GPU the workers that make the crops are the limit."""
 
 from __future__ import annotations
 
@@ -40,6 +40,8 @@ class Plan:
         start_from: an exported model whose weights a new run begins with.
         hardness: of the samples, 0 to 1.
         processes: of one thread each. On small machines that is faster than as many threads in one process.
+        device: "cpu", or "cuda" for one process on a GPU.
+        workers: processes that make crops, for each process that trains.
     """
 
     data: Path
@@ -51,6 +53,8 @@ class Plan:
     processes: int = 1
     hardness: float = 1.0
     seed: int = 0
+    device: str = "cpu"
+    workers: int = 1
 
 
 def train(plan: Plan) -> None:
@@ -58,12 +62,14 @@ def train(plan: Plan) -> None:
 
     Every process takes steps of its own, and now and then their weights are averaged (local SGD, Stich 2019).
     """
+    if plan.device != "cpu" and plan.processes > 1:
+        raise SystemExit("on a GPU one process trains: give --processes 1, and --workers for the crops")
     plan.run.mkdir(parents=True, exist_ok=True)
     if plan.processes == 1:
         _work(0, plan, "")
         return
-    with tempfile.NamedTemporaryFile() as meeting:
-        torch.multiprocessing.spawn(_work, (plan, f"file://{meeting.name}"), plan.processes)  # type: ignore[no-untyped-call]
+    with tempfile.TemporaryDirectory() as meeting:
+        torch.multiprocessing.spawn(_work, (plan, f"file://{meeting}/ranks"), plan.processes)  # type: ignore[no-untyped-call]
 
 
 def _work(rank: int, plan: Plan, meeting: str) -> None:
@@ -73,14 +79,14 @@ def _work(rank: int, plan: Plan, meeting: str) -> None:
         distributed.init_process_group("gloo", init_method=meeting, rank=rank, world_size=plan.processes)
     network = Network()
     checkpoint = plan.run / "checkpoint.pt"
-    state = torch.load(checkpoint, weights_only=True) if checkpoint.is_file() else None
+    state = torch.load(checkpoint, weights_only=True, map_location=plan.device) if checkpoint.is_file() else None
     done = state["step"] if state else 0
     easy = 0 if plan.start_from else int(_EASY * plan.steps) * plan.batch
     samples = Samples(plan.data, 1000 * plan.seed + 100 * rank + done, done * plan.batch, easy, plan.hardness)
-    loader = iter(DataLoader(samples, batch_size=plan.batch, num_workers=1, prefetch_factor=4))
+    loader = iter(DataLoader(samples, batch_size=plan.batch, num_workers=plan.workers, prefetch_factor=4))
     if plan.start_from is not None and state is None:
         load_exported(network, plan.start_from, torch.cat([next(loader)[0] for _ in range(4)]))
-    network = network.to(memory_format=torch.channels_last)
+    network = network.to(plan.device, memory_format=torch.channels_last)
     optimizer = torch.optim.AdamW(_groups(network), lr=plan.lr, betas=(0.9, 0.99))
     averaged = copy.deepcopy(network)
     if state:
@@ -132,8 +138,9 @@ def _schedule(step: int, steps: int) -> float:
 
 
 def _step(network: Network, optimizer: torch.optim.Optimizer, sample: tuple[torch.Tensor, ...]) -> dict[str, float]:
-    image, classes, boxes, weight = sample
-    with torch.autocast("cpu", torch.bfloat16):
+    device = next(network.parameters()).device
+    image, classes, boxes, weight = (tensor.to(device) for tensor in sample)
+    with torch.autocast(device.type, torch.bfloat16):
         output = network(image.contiguous(memory_format=torch.channels_last))
     terms = losses(output.float(), classes, boxes, weight)
     optimizer.zero_grad(set_to_none=True)

@@ -49,3 +49,13 @@ def test_hardening_may_hide_instances_but_never_moves_or_invents_them():
         hard, hard_ids = hardened(image, ids, rng)
         assert hard.shape == image.shape and hard.dtype == np.uint8
         assert ((hard_ids == ids) | (hard_ids == 0)).all()
+
+
+def test_votes_of_instances_whose_boxes_overlap_weigh_more():
+    ids = np.zeros((CROP_H, CROP_W), np.uint8)
+    ids[20:80, 20:80] = 1
+    ids[20:80, 80:180] = 2
+    beside = targets(ids, LABELS)[2]
+    ids[10:20, 20:120] = 1  # now its box reaches over the other's
+    overlapping = targets(ids, LABELS)[2]
+    assert overlapping[20, 70] > 1.3 * beside[20, 70]

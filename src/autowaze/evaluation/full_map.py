@@ -20,6 +20,9 @@ from autowaze.world.labels import ClassLabel
 from autowaze.world.map_diff import InstanceSummaries, SemanticMapDiff, Traffic
 from autowaze.world.wire import encode_diff
 
+_REACH_M = 300.0
+"""Farther from the path a landmark of a stereo pair is a direction, no place."""
+
 
 @dataclass
 class FullMapUpload:
@@ -37,7 +40,7 @@ class FullMapUpload:
 
     def after_window(self, landmarks: Landmarks, diff: SemanticMapDiff) -> list[bytes]:
         """The messages of a window that has just closed: what was looked at so far, then the whole map."""
-        self._take_over(landmarks)
+        self._take_over(landmarks, diff.trajectory.position)
         window = len(self.sizes)
         bare = replace(
             diff,
@@ -58,9 +61,12 @@ class FullMapUpload:
         self.sizes.append(sum(map(len, parts)))
         return [*self.looked, *parts]
 
-    def _take_over(self, landmarks: Landmarks) -> None:
+    def _take_over(self, landmarks: Landmarks, path: NDArray[np.float64]) -> None:
         """Add what is new and move what moved; the car forgets what lies far behind, a map does not."""
-        rows = np.flatnonzero(~landmarks.is_stored | (landmarks.n_found > 0))
+        if len(path) == 0:
+            return
+        is_near = np.linalg.norm(landmarks.position - path.mean(axis=0), axis=1) < _REACH_M
+        rows = np.flatnonzero(is_near & (~landmarks.is_stored | (landmarks.n_found > 0)))
         seen = _unlabelled(landmarks, rows)
         before = self._features[~np.isin(self._features.id, seen.id)]
         self._features = MapFeatures.concatenate([before, seen])

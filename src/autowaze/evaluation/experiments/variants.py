@@ -13,11 +13,15 @@ from autowaze.evaluation.experiments.passage import Passage
 from autowaze.vehicle.ground_grid import ground_that_matters
 from autowaze.world.feature_map import MapFeatures
 from autowaze.world.ground import CELL_M, GroundCells
+from autowaze.world.identity import feature_ids
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.parking import ParkingMap
-from autowaze.world.wire import encode_diff
+from autowaze.world.wire import decode_diff, encode_diff
 
 OFFSETS_M = (0.3, 0.6, 1.0, 1.5)
+_ROAD_BELOW_CAMERA_M = 1.65
+"""All rigs of the experiments, and KITTI's, are mounted so high."""
+_VEHICLE_HEIGHTS_M = (0.3, 2.0)
 
 
 class Memory(Enum):
@@ -39,6 +43,7 @@ class Variant:
         method: how the service decides.
         memory: what each drive finds.
         whole_map: the car sends its whole map instead of diffs.
+        above_road: of that map only what stands above the road, so that asphalt makes no clusters.
         offset_m: how far each drive's position is off, in a direction of its own.
     """
 
@@ -46,12 +51,13 @@ class Variant:
     method: Method
     memory: Memory = Memory.CARRIED
     whole_map: bool = False
+    above_road: bool = False
     offset_m: float = 0.0
 
     def messages(self, passage: Passage, spots: ParkingMap, number: int) -> list[bytes]:
         """What the car sends in this variant of a drive."""
         if self.whole_map:
-            return passage.full_map
+            return _above_road(passage) if self.above_road else passage.full_map
         if not self.offset_m:
             return passage.messages
         angle = np.random.default_rng([number, 31]).uniform(0.0, 2.0 * np.pi)
@@ -63,6 +69,7 @@ class Variant:
 
 METHODS = (
     Variant("orb-slam2", ORB_SLAM2, Memory.NONE, whole_map=True),
+    Variant("orb-slam2, points above the road", ORB_SLAM2, Memory.NONE, whole_map=True, above_road=True),
     Variant("carmap", CARMAP),
     Variant("carmap, each drive alone", CARMAP, Memory.STANDING),
     Variant("thesis", THESIS),
@@ -106,3 +113,16 @@ def _displaced(
     moved = moved[np.asarray(shapely.contains_xy(area, *moved.centre.T), dtype=np.bool_)]
     position = diff.trajectory.position + np.append(shift, 0.0)
     return replace(diff, new=new, ground=moved, trajectory=replace(diff.trajectory, position=position))
+
+
+def _above_road(passage: Passage) -> list[bytes]:
+    """The whole map without the road and without what hangs above cars."""
+    road = float(np.median([z for _, _, z in passage.path])) - _ROAD_BELOW_CAMERA_M
+    low, high = (road + height for height in _VEHICLE_HEIGHTS_M)
+    messages = []
+    for diff in map(decode_diff, passage.full_map):
+        height = diff.new.position[:, 2]
+        kept = diff.new[(height > low) & (height < high)]
+        kept = replace(kept, id=feature_ids(diff.session, diff.sequence, len(kept)))
+        messages.append(encode_diff(replace(diff, new=kept)))
+    return messages

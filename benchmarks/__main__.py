@@ -8,6 +8,7 @@ import sys
 BENCHMARKS = (
     "odometry",
     "tracking_profile",
+    "known_map",
     "main_job",
     "semantics",
     "cloud",

@@ -13,6 +13,7 @@ from autowaze.vehicle.slam.slam import StereoSlam
 from autowaze.vehicle.slam.tracked_frame import TrackingState
 from autowaze.world.errors import AutowazeError
 from autowaze.world.feature_map import FeatureMap, MapFeatures
+from autowaze.world.features import CameraFeatures
 from autowaze.world.frame import StereoFrame
 from autowaze.world.georeference import Georeference
 from autowaze.world.identity import feature_ids
@@ -97,10 +98,10 @@ def frames():
     return Trace(StereoFrame(i, 1000.0 + 0.1 * i, blank, blank) for i in range(len(POSES)))
 
 
-def node(street, stored, session=5):
-    settings = NodeSettings(diff=DiffSettings(window_s=1.0), ground_every=20)
+def node(street, stored, session=5, extractor=None, ground_every=20):
+    settings = NodeSettings(diff=DiffSettings(window_s=1.0), ground_every=ground_every)
     start = StartingPoint(GEOREFERENCE, POSES[0])
-    return VehicleNode(CAMERA, NoSegmentation(), settings, stored, start, session, Sight(street))
+    return VehicleNode(CAMERA, NoSegmentation(), settings, stored, start, session, extractor or Sight(street))
 
 
 class Scheduled:
@@ -160,3 +161,39 @@ def test_the_map_does_not_change_within_a_window(halves):
         car.adopt(MapUpdate(3, 4, far, NONE))
     assert car.stored_map is before
     car.finish()
+
+
+class Covered:
+    """A camera that a leaf covers from the fourth frame on."""
+
+    def __init__(self, street):
+        self.sight = Sight(street)
+
+    def extract(self, frame):
+        return CameraFeatures.empty() if frame.index > 3 else self.sight.extract(frame)
+
+
+def narrow(position):
+    """The house fronts within a metre, so that what is missing is missing together."""
+    position[:, 0] = np.sign(position[:, 0]) * (6.0 + (np.abs(position[:, 0]) - 6.0) / 6.0)
+
+
+def test_a_window_that_is_not_sure_of_its_place_removes_nothing(halves):
+    _, near, _ = halves
+    near = near[:]
+    near.position = near.position.copy()
+    street, elsewhere, half_gone = Street(), Street(seed=99), Street()
+    for position in (near.position, street.position, elsewhere.position, half_gone.position):
+        narrow(position)
+    half_gone.position[half_gone.position[:, 0] > 0.0, 1] += 500.0
+
+    def removed(street, sight):
+        car = node(street, FeatureMap(near, GEOREFERENCE, 3), extractor=sight(street), ground_every=1)
+        diffs = [*map(car.process, frames()[:20]), car.finish()]
+        return np.concatenate([NONE, *(diff.removed for diff in diffs if diff is not None)])
+
+    gone = np.isin(near.id, removed(half_gone, Sight))
+    assert np.count_nonzero(gone) > 100
+    assert np.mean(near.position[gone, 0] > 0.0) > 0.95
+    assert not len(removed(elsewhere, Sight))
+    assert not len(removed(half_gone, Covered))

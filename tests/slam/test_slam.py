@@ -176,3 +176,49 @@ def test_a_long_drive_takes_no_more_memory_than_a_short_one() -> None:
     assert slam.landmarks.capacity < 0.8 * ids[-1]
     np.testing.assert_array_equal(slam.landmarks.rows(ids), np.arange(len(ids)))
     assert (slam.landmarks.rows(np.array([-1, 0, 1, ids[-1] + 1])) == -1).all()
+
+
+def test_a_long_drive_in_a_known_street_takes_no_more_memory(street: Street, base_map: FeatureMap) -> None:
+    """To and fro between the same houses: nothing is left over of what was seen before."""
+    slam, sizes = StereoSlam(CAMERA, SlamSettings(memory_s=3.0), stored_map=base_map), []
+    poses = straight_drive(16)
+    for lap in range(6):
+        for i, T in enumerate(poses if lap % 2 == 0 else poses[::-1]):
+            frame = slam.track(street.see(T, 16 * lap + i), 2.0 * lap + 0.1 * i, 16 * lap + i)
+            assert frame.state == TrackingState.LOCALIZED
+        sizes.append(len(slam.landmarks))
+    slam.finish()
+    assert sizes[-1] < 1.1 * sizes[1]
+
+
+def test_a_car_put_down_elsewhere_in_the_map_is_lost_and_found_there(street: Street, base_map: FeatureMap) -> None:
+    """As after a ferry or a tow: no pose in between is trusted as localised unless it is right."""
+    poses = [*straight_drive(15), *straight_drive(25, start_m=28.0)]
+    frames = drive(StereoSlam(CAMERA, stored_map=base_map), street, poses, seed=12_000)
+    errors = _errors_m(frames, poses)
+    wrong = [f.state for f, e in zip(frames, errors, strict=True) if e > 0.3]
+    assert TrackingState.LOCALIZED not in wrong
+    assert frames[25].state == TrackingState.LOCALIZED
+    assert frames[15].reason or errors[15] < 0.3
+
+
+def test_a_car_in_a_street_that_is_not_its_map_never_says_localised(base_map: FeatureMap) -> None:
+    elsewhere = Street(seed=99)
+    start = straight_drive(1)[0]
+    slam = StereoSlam(CAMERA, stored_map=base_map, T_map_start=start)
+    frames = drive(slam, elsewhere, straight_drive(30), seed=13_000)
+    assert TrackingState.LOCALIZED not in {f.state for f in frames}
+    assert all(f.reason for f in frames)
+    assert all(f.covariance[0, 0] > 1.0 for f in frames)
+
+
+def test_a_car_outside_its_map_sets_out_at_once(street: Street, base_map: FeatureMap) -> None:
+    far = straight_drive(20)
+    for T in far:
+        T[0, 3] += 500.0
+    beside = Street()
+    beside.position[:, 0] += 500.0
+    frames = drive(StereoSlam(CAMERA, stored_map=base_map, T_map_start=far[0]), beside, far, seed=14_000)
+    assert {f.state for f in frames} == {TrackingState.ODOMETRY}
+    assert all("stored map" in f.reason for f in frames)
+    assert _errors_m(frames, far).max() < 0.2

@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
-from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -106,12 +105,20 @@ class Laboratory:
 def run_experiments(laboratory: Laboratory, experiments: Sequence[Experiment], jobs: int, tell: Tell) -> None:
     """Render and drive all that is missing, `jobs` series at a time."""
     with Crews(jobs, tell) as crews:
-        everything = sorted(
-            (series for experiment in experiments for series in experiment.series), key=lambda s: -len(s.drives)
-        )
-        lanes = zip(cycle(range(jobs)), everything, strict=False)
-        for future in [crews.submit(lane, run_series, laboratory, series) for lane, series in lanes]:
+        load = [0.0] * jobs
+        futures = []
+        for series in sorted((s for one in experiments for s in one.series), key=_work, reverse=True):
+            lane = load.index(min(load))
+            load[lane] += _work(series)
+            futures.append(crews.submit(lane, run_series, laboratory, series))
+        for future in futures:
             future.result()
+
+
+def _work(series: Series) -> float:
+    """Pixels that have to be rendered, about."""
+    of_drive = (d.description for d in series.drives)
+    return sum(d.rig.camera.width * d.rig.camera.height * d.length_m * d.ego.fps / d.ego.speed_kmh for d in of_drive)
 
 
 def run_series(laboratory: Laboratory, series: Series) -> None:

@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint bench format proto system demo-system live-map clean
+.PHONY: demo test lint bench accuracy format proto system demo-system live-map clean
 .DEFAULT_GOAL := test
 
 .venv/package: pyproject.toml
@@ -68,6 +68,9 @@ format: .venv/ready  ## mend style
 
 bench: .venv/ready system  ## measured figures of the docs
 	$(BIN)/python -m benchmarks
+
+accuracy: .venv/package demo-system  ## some drives judged by every method; fails when accuracy falls
+	@$(BIN)/autowaze evaluate accuracy --quick
 
 proto:  ## regenerate the protobuf code of the wire format, in an environment of its own
 	@test -d .venv-proto || $(PYTHON) -m venv .venv-proto

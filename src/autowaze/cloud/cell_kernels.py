@@ -77,6 +77,18 @@ def votes_of_codes(
 
 
 @numba.njit(cache=True, nogil=True)
+def any_between(votes: NDArray[np.uint8], starts: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether there are votes (2, C) from each start (S + 1,) to the next, (S,)."""
+    found = np.zeros(len(starts) - 1, np.bool_)
+    for part in range(len(found)):
+        for cell in range(starts[part], starts[part + 1]):
+            if votes[0, cell] or votes[1, cell]:
+                found[part] = True
+                break
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
 def shares_of_passes(
     free: NDArray[np.uint8], obstacle: NDArray[np.uint8], core: NDArray[np.bool_], starts: NDArray[np.int64]
 ) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from autowaze.cloud.cell_kernels import cells_ascend, votes_of_codes
+from autowaze.cloud.cell_kernels import any_between, cells_ascend, votes_of_codes
 from autowaze.cloud.spots import SpotIndex, raster_of, without_row
 from autowaze.world.ground import GroundCells
 from autowaze.world.map_diff import SemanticMapDiff
@@ -59,16 +59,15 @@ class GroundVotes:
         if len(candidates) == 0:
             return candidates
         rasters = [self._spots.raster(spot).codes for spot in candidates.tolist()]
-        free, obstacle = _look_up(diff.ground, np.concatenate(rasters))
-        seen = []
-        start = 0
-        for spot, raster in zip(candidates.tolist(), rasters, strict=True):
-            cells = slice(start, start := start + len(raster))
-            if free[cells].any() or obstacle[cells].any():
-                window = (diff.end, diff.session, diff.sequence, diff.position_sigma_m, free[cells], obstacle[cells])
-                self._note(spot, WindowVotes(*window, source))
-                seen.append(spot)
-        return np.array(seen, dtype=np.int64)
+        votes = _look_up(diff.ground, np.concatenate(rasters))
+        starts = np.cumsum([0, *map(len, rasters)])
+        seen = np.flatnonzero(any_between(votes, starts))
+        for row in seen.tolist():
+            # A copy: a view would keep the cells of all spots around for as long as one of them keeps its own.
+            free, obstacle = votes[:, starts[row] : starts[row + 1]].copy()
+            window = (diff.end, diff.session, diff.sequence, diff.position_sigma_m, free, obstacle)
+            self._note(int(candidates[row]), WindowVotes(*window, source))
+        return candidates[seen]
 
     def windows(self, spot: int) -> list[WindowVotes]:
         """What is kept of a spot, oldest first."""
@@ -140,9 +139,9 @@ class GroundVotes:
         return spared[1]
 
 
-def _look_up(ground: GroundCells, codes: NDArray[np.int64]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Votes (C,) for the cells with these codes, 0 for cells that were not seen."""
+def _look_up(ground: GroundCells, codes: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Votes (2, C) for the cells with these codes, free and obstacle, 0 for cells that were not seen."""
     if not cells_ascend(ground.ix, ground.iy):
         ground = ground[np.lexsort((ground.ix, ground.iy))]
-    free, obstacle = votes_of_codes(ground.ix, ground.iy, ground.free, ground.obstacle, codes)
-    return free, obstacle
+    votes: NDArray[np.uint8] = votes_of_codes(ground.ix, ground.iy, ground.free, ground.obstacle, codes)
+    return votes

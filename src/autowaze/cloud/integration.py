@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.cloud.diff_kernels import among, starts_of_blocks
 from autowaze.cloud.instances import InstanceTable
 from autowaze.cloud.map_tiles import MapTiles, OutdatedMapError
 from autowaze.cloud.removals import RemovalVotes
@@ -116,7 +118,7 @@ class MapState:
         removed = self._remove(diff.removed, self._witnesses.of(diff.session), diff.end)
         gone = removed
         if len(added) and ((removed.id >= added.id[0]) & (removed.id <= added.id[-1])).any():
-            added, gone = added[~np.isin(added.id, removed.id)], removed[~np.isin(removed.id, added.id)]
+            added, gone = added[~among(added.id, removed.id)], removed[~among(removed.id, added.id)]
         cells = self.tiles.cells_of(np.concatenate([added.position, gone.position]))
         of_added, of_gone = (None, None) if cells is None else (cells[: len(added)], cells[len(added) :])
         tiles = {*self.tiles.insert(_block_of(diff), added, self.version, of_added)}
@@ -156,13 +158,12 @@ class MapState:
         return {number: self._blocks[number] for number in sorted(numbers)}
 
     def positions_of(self, ids: NDArray[np.uint64]) -> NDArray[np.float64]:
-        """Positions (R, 3) of those of these features (K,) that are in the map."""
-        numbers = ids >> np.uint64(ROW_BITS)
+        """Positions (R, 3) of those of these features (K,), ids ascending, that are in the map."""
         found = [np.zeros((0, 3))]
-        for number in np.unique(numbers).tolist():
+        for number, of_block in _by_number(ids):
             block = self._blocks.get(number)
             if block is not None:
-                found.append(block.position[np.isin(block.id, ids[numbers == np.uint64(number)])])
+                found.append(block.position[among(block.id, of_block)])
         return np.concatenate(found)
 
     def kept(self) -> dict[str, Any]:
@@ -222,9 +223,7 @@ class MapState:
 
     def _remove(self, ids: NDArray[np.uint64], source: int, end: float) -> MapFeatures:
         gone = []
-        numbers = ids >> np.uint64(ROW_BITS)
-        for number in np.unique(numbers).tolist():
-            of_block = ids[numbers == np.uint64(number)]
+        for number, of_block in _by_number(ids):
             block = self._blocks.get(number)
             if block is None and self._arrived(number):
                 continue
@@ -240,7 +239,7 @@ class MapState:
         """Put what is left of a block in its place; of one of which nothing is left only its arrival is remembered."""
         self._blocks[number] = left
         standing = left.instance_key[is_vehicle(left.label)]
-        for key in np.setdiff1d(gone.instance_key, standing).tolist():
+        for key in sorted(set(gone.instance_key.tolist()).difference(standing.tolist())):
             numbers = self._blocks_of_instance.get(key, set())
             numbers.discard(number)
             if not numbers:
@@ -269,6 +268,12 @@ class MapState:
 
 def _block_of(diff: SemanticMapDiff) -> int:
     return diff.session << SEQUENCE_BITS | diff.sequence
+
+
+def _by_number(ids: NDArray[np.uint64]) -> list[tuple[int, NDArray[np.uint64]]]:
+    """Ascending ids (K,) split by the number of their block."""
+    starts = starts_of_blocks(ids).tolist()
+    return [(int(ids[a]) >> ROW_BITS, ids[a:b]) for a, b in pairwise(starts)]
 
 
 def _by_block(features: MapFeatures) -> list[tuple[int, MapFeatures]]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from autowaze.cloud.cell_kernels import blocks_of_cells
+from autowaze.cloud.diff_kernels import PathFacts, all_between, most_frames, path_facts
 from autowaze.cloud.path_distance import all_within
 from autowaze.cloud.validation import RefusedDiffError
 from autowaze.world.georeference import Georeference
@@ -22,6 +23,7 @@ from autowaze.world.map_diff import SemanticMapDiff
 LOOKED_UP_AT_ONCE = 1 << 18
 """Pairs of a point and a piece of the path that are compared one by one; a tree is quicker for more."""
 CLOCK_TOLERANCE_S = 1.0
+_NOWHERE = np.zeros(4)
 
 
 @dataclass(frozen=True)
@@ -81,11 +83,17 @@ def check_plausible(
         _require(says == 0, "no_path", "it tells what was seen, but not from where")
         return
     _require(georeference is None or diff.georeference is not None, "no_path", "it names no georeference")
-    _check_path(diff, limits)
-    if bounds is not None:
-        _check_area(diff, bounds, limits)
+    path = PathFacts(
+        *path_facts(diff.trajectory.time, diff.trajectory.position, _NOWHERE if bounds is None else bounds)
+    )
+    _check_path(diff, path, limits)
+    _require(
+        bounds is None or path.outside_m <= limits.area_margin_m,
+        "outside",
+        f"its path is {path.outside_m / 1000:.0f} km from the spots of this service",
+    )
     _check_counts(diff, limits)
-    _check_sight(diff, limits)
+    _check_sight(diff, path, limits)
 
 
 def check_removed(diff: SemanticMapDiff, position: NDArray[np.float64], limits: Limits | None = None) -> None:
@@ -106,25 +114,13 @@ def _check_window(diff: SemanticMapDiff, limits: Limits) -> None:
     _require(diff.position_sigma_m <= limits.most_sigma_m, "unsure", f"position known to {diff.position_sigma_m:.0f} m")
 
 
-def _check_path(diff: SemanticMapDiff, limits: Limits) -> None:
-    path = diff.trajectory
-    early, late = path.time.min() - diff.start, path.time.max() - diff.end
+def _check_path(diff: SemanticMapDiff, path: PathFacts, limits: Limits) -> None:
+    early, late = path.begin - diff.start, path.end - diff.end
     in_time = early >= -CLOCK_TOLERANCE_S and late <= CLOCK_TOLERANCE_S
-    _require(in_time and bool((np.diff(path.time) >= 0).all()), "path_out_of_time", "its path is not of its window")
-    length_m = float(np.hypot(*np.diff(path.position[:, :2], axis=0).T).sum())
+    _require(in_time and path.in_order, "path_out_of_time", "its path is not of its window")
     most_m = limits.most_speed_mps * (diff.end - diff.start) + limits.most_jump_m
-    _require(length_m <= most_m, "too_fast", f"a path of {length_m:.0f} m in {diff.end - diff.start:.1f} s")
-
-
-def _check_area(diff: SemanticMapDiff, bounds: NDArray[np.float64], limits: Limits) -> None:
-    path = diff.trajectory.position[:, :2]
-    outside_m = np.maximum(np.maximum(bounds[:2] - path, path - bounds[2:]), 0.0)
-    farthest_m = float(np.hypot(*outside_m.T).max())
-    _require(
-        farthest_m <= limits.area_margin_m,
-        "outside",
-        f"its path is {farthest_m / 1000:.0f} km from the spots of this service",
-    )
+    took = f"a path of {path.length_m:.0f} m in {diff.end - diff.start:.1f} s"
+    _require(path.length_m <= most_m, "too_fast", took)
 
 
 def _check_counts(diff: SemanticMapDiff, limits: Limits) -> None:
@@ -134,19 +130,17 @@ def _check_counts(diff: SemanticMapDiff, limits: Limits) -> None:
         "too_many_features",
         f"{len(new)} new features from {frames} frames",
     )
-    votes = ground.free.astype(np.int64) + ground.obstacle
-    most_seen = max(*(int(column.max(initial=0)) for column in (new.observations, votes, diff.instances.frames)), 0)
+    most_seen = most_frames(new.observations, ground.free, ground.obstacle, diff.instances.frames)
     _require(most_seen <= frames, "too_many_features", f"something was seen in {most_seen} frames of {frames}")
-    seen = np.concatenate([new.first_seen, new.last_seen])
-    in_time = (seen >= diff.start - CLOCK_TOLERANCE_S) & (seen <= diff.end + CLOCK_TOLERANCE_S)
-    _require(bool(in_time.all()), "back_dated", "a new feature was not seen within the window")
+    since, until = diff.start - CLOCK_TOLERANCE_S, diff.end + CLOCK_TOLERANCE_S
+    in_time = all_between(new.first_seen, since, until) and all_between(new.last_seen, since, until)
+    _require(in_time, "back_dated", "a new feature was not seen within the window")
 
 
-def _check_sight(diff: SemanticMapDiff, limits: Limits) -> None:
-    heights = diff.trajectory.position[:, 2]
-    low, high = heights.min() - limits.most_height_m, heights.max() + limits.most_height_m
-    z = diff.new.position[:, 2]
-    _require(bool(((z >= low) & (z <= high)).all()), "too_far", f"a feature is {limits.most_height_m:.0f} m up or down")
+def _check_sight(diff: SemanticMapDiff, path: PathFacts, limits: Limits) -> None:
+    low, high = path.lowest_m - limits.most_height_m, path.highest_m + limits.most_height_m
+    in_height = all_between(diff.new.position[:, 2], low, high)
+    _require(in_height, "too_far", f"a feature is {limits.most_height_m:.0f} m up or down")
     _within(diff, diff.new.position[:, :2], limits.feature_sight_m, "a new feature")
     blocks = blocks_of_cells(diff.ground.ix, diff.ground.iy, _BLOCK_BITS)
     centres = np.asarray((blocks + 0.5) * _BLOCK_M, dtype=np.float64)

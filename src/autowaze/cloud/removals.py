@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.cloud.diff_kernels import among
 from autowaze.cloud.validation import RefusedDiffError
 from autowaze.cloud.witnesses import SURVEY
 from autowaze.world.feature_map import MapFeatures
@@ -52,9 +53,13 @@ class RemovalVotes:
             )
 
     def add(self, number: int, ids: NDArray[np.uint64], source: int, end: float) -> None:
-        """Note that a source misses features (K,) of a block at the end of a window."""
+        """Note that a source misses features (K,) ascending of a block at the end of a window."""
         votes = self._votes.setdefault(number, {})
-        before = votes.get(source, _Vote(ids[:0], np.zeros(0)))
+        before = votes.get(source)
+        if before is None:
+            votes[source] = _Vote(ids, np.full(len(ids), end))
+            self._count(source, len(ids))
+            return
         voted, ends = np.append(before.ids, ids), np.append(before.end, np.full(len(ids), end))
         order = np.lexsort((ends, voted))
         newest = order[np.append(voted[order[1:]] != voted[order[:-1]], True)]
@@ -64,7 +69,10 @@ class RemovalVotes:
     def condemned(self, number: int, block: MapFeatures, owner: int) -> NDArray[np.bool_]:
         """Which features (N,) of a block that a source brought are gone by the votes on it."""
         gone, voices = np.zeros(len(block), np.bool_), np.zeros(len(block), np.int64)
-        for source, vote in self._votes.get(number, {}).items():
+        votes = self._votes.get(number)
+        if not votes:
+            return gone
+        for source, vote in votes.items():
             row = np.searchsorted(vote.ids, block.id).clip(max=len(vote.ids) - 1)
             missed = vote.ids[row] == block.id
             if not self._corroboration or source == owner:
@@ -74,9 +82,9 @@ class RemovalVotes:
         return gone | (voices >= np.where(is_vehicle(block.label), 1, ENOUGH_VOICES))
 
     def settle(self, number: int, left: NDArray[np.uint64]) -> None:
-        """Keep the votes on what is left (N,) of a block that has arrived; the others are settled."""
+        """Keep the votes on what is left (N,) ascending of a block that has arrived; the others are settled."""
         for source, vote in self._votes.pop(number, {}).items():
-            waits = np.isin(vote.ids, left)
+            waits = among(vote.ids, left)
             self._count(source, int(waits.sum()) - len(waits))
             if waits.any():
                 self._votes.setdefault(number, {})[source] = _Vote(vote.ids[waits], vote.end[waits])

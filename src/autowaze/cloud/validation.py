@@ -6,14 +6,16 @@ the service, so whether a diff is taken does not depend on what came before it.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from autowaze.cloud.cell_kernels import cells_ascend
+from autowaze.cloud.diff_kernels import ascends, extent_of_cells, extent_of_places, numbered_from, of_session
 from autowaze.cloud.spots import cell_codes
 from autowaze.world.errors import WireError
 from autowaze.world.georeference import Georeference
 from autowaze.world.ground import CELL_M
-from autowaze.world.identity import MAX_SEQUENCE, MAX_SESSION, feature_ids, session_of_key
+from autowaze.world.identity import MAX_SEQUENCE, MAX_SESSION, ROW_BITS, SEQUENCE_BITS
 from autowaze.world.map_diff import SemanticMapDiff
 
 MAX_EXTENT_M = 100_000.0
@@ -60,17 +62,18 @@ def _check_header(diff: SemanticMapDiff, georeference: Georeference | None) -> N
 
 def _check_features(diff: SemanticMapDiff) -> None:
     new = diff.new
-    ids_hold = np.array_equal(new.id, feature_ids(diff.session, diff.sequence, len(new)))
-    _require(ids_hold, "new features carry ids of another diff")
-    keys = new.instance_key[new.instance_key != 0]
-    _require(all(session_of_key(int(key)) == diff.session for key in np.unique(keys)), "instances of another session")
-    points = np.concatenate([new.position[:, :2], diff.trajectory.position[:, :2]])
-    _require(bool(np.isfinite(points).all() and np.isfinite(new.position).all()), "a position is not a number")
-    _require(bool((np.abs(points) <= MAX_EXTENT_M).all()), f"a position is more than {MAX_EXTENT_M:.0f} m away")
-    spans_little = len(points) == 0 or bool((np.ptp(points, axis=0) <= MAX_WINDOW_M).all())
-    _require(spans_little, f"one window spans more than {MAX_WINDOW_M:.0f} m")
     _require(len(diff.removed) <= MAX_REMOVED, f"more than {MAX_REMOVED} removed features")
-    _require(bool((diff.removed[1:] > diff.removed[:-1]).all()), "removed ids are not sorted")
+    first_id = np.uint64((diff.session << SEQUENCE_BITS | diff.sequence) << ROW_BITS)
+    _require(numbered_from(new.id, first_id), "new features carry ids of another diff")
+    _require(of_session(new.instance_key, np.uint64(diff.session)), "instances of another session")
+    _require(ascends(diff.removed), "removed ids are not sorted")
+    if len(new) == 0 and len(diff.trajectory) == 0:
+        return
+    x0, x1, y0, y1 = extent_of_places(new.position, diff.trajectory.position)
+    _require(not math.isnan(x0), "a position is not a number")
+    farthest_m = max(-x0, x1, -y0, y1)
+    _require(farthest_m <= MAX_EXTENT_M, f"a position is more than {MAX_EXTENT_M:.0f} m away")
+    _require(max(x1 - x0, y1 - y0) <= MAX_WINDOW_M, f"one window spans more than {MAX_WINDOW_M:.0f} m")
 
 
 def _check_ground(diff: SemanticMapDiff) -> None:
@@ -78,17 +81,19 @@ def _check_ground(diff: SemanticMapDiff) -> None:
     _require(len(ground) <= MAX_GROUND_CELLS, f"more than {MAX_GROUND_CELLS} ground cells")
     if len(ground) == 0:
         return
-    for axis in (ground.ix, ground.iy):
-        low, high = int(axis.min()), int(axis.max())
+    x0, x1, y0, y1, ascend = extent_of_cells(ground.ix, ground.iy)
+    for low, high in ((x0, x1), (y0, y1)):
         _require(max(-low, high) * CELL_M <= MAX_EXTENT_M, "a ground cell is off the map")
         _require((high - low) * CELL_M <= MAX_WINDOW_M, f"ground spans over {MAX_WINDOW_M:.0f} m")
-    if not cells_ascend(ground.ix, ground.iy):
+    if not ascend:
         codes = np.sort(cell_codes(ground.ix, ground.iy))
         _require(bool((codes[1:] > codes[:-1]).all()), "two rows for one ground cell")
 
 
 def _check_instances(diff: SemanticMapDiff) -> None:
     instances = diff.instances
+    if len(instances) == 0:
+        return
     _require(len(np.unique(instances.id)) == len(instances), "two rows for one instance")
     _require(bool((instances.id > 0).all()), "an instance without a positive id")
     numbers = np.concatenate([instances.confidence, instances.view_direction.ravel()])

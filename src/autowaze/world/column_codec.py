@@ -8,6 +8,8 @@ weigh.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
@@ -41,51 +43,76 @@ def unpack_integers(data: bytes, count: int, low: int, high: int, what: str) -> 
     Raises:
         WireError: the length does not fit the count, or a value lies outside low..high.
     """
-    if count == 0:
-        if data:
-            raise WireError(f"{what}: {len(data)} bytes for no values")
-        return np.zeros(0, np.int64)
-    first, rows = 0, count
-    if data and data[0] & _DELTA:
-        after = 1 + (data[0] & _WIDTH_MASK)
-        zigzag = int.from_bytes(data[1:after], "little")
-        first, rows, rest = (zigzag >> 1) ^ -(zigzag & 1), count - 1, data[after:]
-        delta = True
-    else:
-        rest, delta = data, False
-    width = rest[0] if rest else -1
-    if not 0 <= width <= 8 or len(rest) != 1 + width * rows or not -(1 << 63) <= first < 1 << 63:
-        raise WireError(f"{what}: {len(data)} bytes do not hold {count} values")
-    column: NDArray[np.int64]
-    column, smallest, largest = _unpacked(np.frombuffer(rest, np.uint8, offset=1), width, count, delta, first)
-    if smallest < low or largest > high:
-        raise WireError(f"{what}: a value lies outside {low}..{high}")
+    column: NDArray[np.int64] = unpack_columns(((what, data, low, high),), count)[0]
     return column
 
 
-@njit(
-    "Tuple((int64[::1], int64, int64))(Array(uint8, 1, 'C', readonly=True), int64, int64, boolean, int64)", cache=True
-)
-def _unpacked(planes, width, count, delta, first):  # type: ignore[no-untyped-def]
-    """Values (count,) of zigzag byte planes, lowest byte first, and of a first value where they are differences.
+def unpack_columns(columns: Sequence[tuple[str, bytes, int, int]], count: int) -> NDArray[np.int64]:
+    """The int64 values (K, count) of K columns of the same rows, each given by name, bytes, lowest and highest value.
 
-    With the smallest and the largest of them.
+    Raises:
+        WireError: as `unpack_integers`; names the column.
     """
-    column = np.empty(count, np.int64)
-    total = first
-    smallest, largest = np.int64(np.iinfo(np.int64).max), np.int64(np.iinfo(np.int64).min)
-    rows = count - 1 if delta else count
-    if delta:
-        column[0] = smallest = largest = first
-    for row in range(rows):
-        zigzag = np.uint64(0)
-        for plane in range(width):
-            zigzag |= np.uint64(planes[plane * rows + row]) << np.uint64(8 * plane)
-        value = np.int64(zigzag >> np.uint64(1)) ^ -np.int64(zigzag & np.uint64(1))
-        total = total + value if delta else value  # wraps, as the sums of two's complement do
-        column[count - rows + row] = total
-        smallest, largest = min(smallest, total), max(largest, total)
-    return column, smallest, largest
+    table = np.empty((len(columns), count), np.int64)
+    if count == 0:
+        for what, data, _, _ in columns:
+            if data:
+                raise WireError(f"{what}: {len(data)} bytes for no values")
+        return table
+    ends = np.cumsum([len(data) for _, data, _, _ in columns])
+    joined = np.frombuffer(b"".join([data for _, data, _, _ in columns]), np.uint8)
+    wrong, is_bound = _unpacked(joined, ends, np.array([column[2:] for column in columns]), table)
+    if wrong >= 0:
+        what, data, low, high = columns[wrong]
+        if is_bound:
+            raise WireError(f"{what}: a value lies outside {low}..{high}")
+        raise WireError(f"{what}: {len(data)} bytes do not hold {count} values")
+    return table
+
+
+@njit(
+    "Tuple((int64, boolean))(Array(uint8, 1, 'C', readonly=True), int64[::1], int64[:, ::1], int64[:, ::1])",
+    cache=True,
+    nogil=True,
+)
+def _unpacked(joined, ends, bounds, table):  # type: ignore[no-untyped-def]
+    """Fill the table (K, count > 0) from columns that end there; which one is wrong, -1 for none, and if by a bound.
+
+    Columns are zigzag byte planes, lowest byte first; of differences, where a first value precedes them.
+    """
+    at = 0
+    for k in range(len(ends)):
+        end, rows, row = ends[k], table.shape[1], 0
+        total = np.int64(0)
+        delta = at < end and (joined[at] & _DELTA) != 0
+        if delta:
+            width = joined[at] & _WIDTH_MASK
+            at += 1
+            if width > 8 or at + width > end:
+                return k, False
+            zigzag = np.uint64(0)
+            for plane in range(width):
+                zigzag |= np.uint64(joined[at + plane]) << np.uint64(8 * plane)
+            at += width
+            total = np.int64(zigzag >> np.uint64(1)) ^ -np.int64(zigzag & np.uint64(1))
+            table[k, 0], row = total, 1
+            rows -= 1
+        if at >= end or joined[at] > 8 or end - at != 1 + np.int64(joined[at]) * rows:
+            return k, False
+        width = joined[at]
+        at += 1
+        for number in range(rows):
+            zigzag = np.uint64(0)
+            for plane in range(width):
+                zigzag |= np.uint64(joined[at + plane * rows + number]) << np.uint64(8 * plane)
+            value = np.int64(zigzag >> np.uint64(1)) ^ -np.int64(zigzag & np.uint64(1))
+            total = total + value if delta else value  # wraps, as the sums of two's complement do
+            table[k, row + number] = total
+        at = end
+        for number in range(table.shape[1]):
+            if table[k, number] < bounds[k, 0] or table[k, number] > bounds[k, 1]:
+                return k, True
+    return -1, False
 
 
 def pack_bits(mask: NDArray[np.bool_]) -> bytes:
@@ -114,9 +141,18 @@ def unpack_normals(data: bytes, count: int, what: str) -> NDArray[np.float32]:
     """Unit vectors (count, 3)."""
     if len(data) != 2 * count:
         raise WireError(f"{what}: {len(data)} bytes do not hold {count} unit vectors")
-    xy = np.frombuffer(data, np.uint8).reshape(2, count).T.astype(np.float64) / 127.0 - 1.0
-    z = 1.0 - np.abs(xy).sum(axis=1)
-    folded = np.maximum(-z, 0.0)[:, None]
-    xy = xy - np.where(xy >= 0, folded, -folded)
-    n = np.concatenate([xy, z[:, None]], axis=1)
-    return np.asarray(n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-12), dtype=np.float32)
+    return np.asarray(_normals(np.frombuffer(data, np.uint8), count))
+
+
+@njit("float32[:, ::1](Array(uint8, 1, 'C', readonly=True), int64)", cache=True, nogil=True)
+def _normals(data, count):  # type: ignore[no-untyped-def]
+    normals = np.empty((count, 3), np.float32)
+    for row in range(count):
+        x, y = data[row] / 127.0 - 1.0, data[count + row] / 127.0 - 1.0
+        z = 1.0 - (abs(x) + abs(y))
+        folded = max(-z, 0.0)
+        x = x - folded if x >= 0 else x + folded
+        y = y - folded if y >= 0 else y + folded
+        norm = max(np.sqrt(x * x + y * y + z * z), 1e-12)
+        normals[row, 0], normals[row, 1], normals[row, 2] = x / norm, y / norm, z / norm
+    return normals

@@ -8,6 +8,8 @@ and if so, obstacle? Squares of 16 by 16 cells without any are left out by one q
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -47,12 +49,34 @@ def unpack_classes(data: bytes, height: int, width: int, what: str) -> NDArray[n
     Raises:
         WireError: it is larger than a grid may be, or more of it is seen than may be.
     """
+    grid, _ = _unpacked(data, height, width, what)
+    return grid
+
+
+class SeenCells(NamedTuple):
+    """Cells (N,) of a grid that were seen, row by row, each as one vote."""
+
+    ix: NDArray[np.int32]
+    iy: NDArray[np.int32]
+    free: NDArray[np.uint16]
+    obstacle: NDArray[np.uint16]
+
+
+def unpack_cells(data: bytes, height: int, width: int, what: str) -> SeenCells:
+    """The cells of `unpack_classes` that were seen; raises as that does."""
+    grid, count = _unpacked(data, height, width, what)
+    return SeenCells(*_seen_cells(grid, count))
+
+
+def _unpacked(data: bytes, height: int, width: int, what: str) -> tuple[NDArray[np.uint8], int]:
+    """The grid, and how many of its cells were seen."""
     if height % BLOCK or width % BLOCK or height < 0 or width < 0 or height * width > MAX_SQUARES * BLOCK**2:
         raise WireError(f"{what}: {height} by {width} cells are no grid")
     grid = np.zeros((height, width), np.uint8)
-    if not _decode(np.frombuffer(b"\0" + data, np.uint8), grid, MAX_SEEN_SQUARES):
+    count = int(_decode(np.frombuffer(b"\0" + data, np.uint8), grid, MAX_SEEN_SQUARES))
+    if count < 0:
         raise WireError(f"{what}: more than {MAX_SEEN_SQUARES} squares are seen")
-    return grid
+    return grid, count
 
 
 @njit(cache=True, nogil=True)
@@ -183,7 +207,7 @@ def _ask(state, data, count):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _decode(data, grid, most_seen):  # type: ignore[no-untyped-def]
-    """Fill the grid; False if more squares are seen than may be."""
+    """Fill the grid; returns how many cells were seen, -1 if more squares were than may be."""
     state = np.array([0, _MASK, 0], np.uint64)
     for _ in range(_FLUSH_BYTES):
         byte = data[state[2]] if state[2] < np.uint64(len(data)) else np.uint8(0)
@@ -198,11 +222,29 @@ def _decode(data, grid, most_seen):  # type: ignore[no-untyped-def]
             seen[r, c] = _ask(state, data, blocks[0, _context(seen, r, c)])
             n_seen += seen[r, c]
             if n_seen > most_seen:
-                return False
+                return -1
+    n_cells = 0
     for y in range(grid.shape[0]):
-        for x in range(grid.shape[1]):
-            if seen[y // BLOCK, x // BLOCK]:
+        for c in range(columns):
+            if not seen[y // BLOCK, c]:
+                continue
+            for x in range(c * BLOCK, (c + 1) * BLOCK):
                 context = _context(grid, y, x)
                 if _ask(state, data, counts[0, context]):
                     grid[y, x] = 1 + _ask(state, data, counts[1, context])
-    return True
+                    n_cells += 1
+    return n_cells
+
+
+@njit(cache=True, nogil=True)
+def _seen_cells(grid, count):  # type: ignore[no-untyped-def]
+    ix, iy = np.empty(count, np.int32), np.empty(count, np.int32)
+    free, obstacle = np.empty(count, np.uint16), np.empty(count, np.uint16)
+    row = 0
+    for y in range(grid.shape[0]):
+        for x in range(grid.shape[1]):
+            if grid[y, x] > 0:
+                ix[row], iy[row] = x, y
+                free[row], obstacle[row] = grid[y, x] == 1, grid[y, x] > 1
+                row += 1
+    return ix, iy, free, obstacle

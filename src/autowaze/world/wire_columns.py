@@ -11,7 +11,7 @@ from autowaze.world.column_codec import (
     pack_integers,
     pack_normals,
     unpack_bits,
-    unpack_integers,
+    unpack_columns,
     unpack_normals,
 )
 from autowaze.world.errors import WireError
@@ -21,7 +21,7 @@ from autowaze.world.ground import GroundCells
 from autowaze.world.identity import MAX_INSTANCE
 from autowaze.world.labels import ClassLabel
 from autowaze.world.map_diff import InstanceSummaries, Traffic, Trajectory
-from autowaze.world.raster_codec import BLOCK, MAX_SQUARES, pack_classes, unpack_classes
+from autowaze.world.raster_codec import BLOCK, MAX_SQUARES, pack_classes, unpack_cells
 
 MAX_WINDOW_S = 3600.0
 _MAX_INSTANCES = 1 << 12
@@ -31,6 +31,10 @@ _MAX_CELL = _MAX_COORDINATE_CM // 25
 _MAX_SPEED_CM_S = 10_000
 _DISTANCE_UNIT_M, _STEPS_PER_OCTAVE = 0.25, 16
 _LABELS = max(ClassLabel)
+_TENTHS = (-(1 << 40), 1 << 40)
+_DISTANCES_M = (_DISTANCE_UNIT_M * 2.0 ** (np.arange(256) / _STEPS_PER_OCTAVE)).astype(np.float32)
+_BEARINGS = np.arange(256) * (2 * np.pi / 256)
+_VIEW_DIRECTIONS = np.stack([np.sin(_BEARINGS), np.cos(_BEARINGS)], axis=1).astype(np.float32)
 
 
 def bounded_count(count: int, limit: int, what: str) -> int:
@@ -72,50 +76,52 @@ def decode_features(
 ) -> tuple[MapFeatures, NDArray[np.int64]]:
     """Features without id and instance key, and their instance column."""
     n = bounded_count(message.count, limit, "features")
-    position = np.stack(
-        [
-            unpack_integers(data, n, -_MAX_COORDINATE_CM, _MAX_COORDINATE_CM, "position")
-            for data in (message.x, message.y, message.z)
-        ],
-        axis=1,
+    table = unpack_columns(
+        (
+            ("position", message.x, -_MAX_COORDINATE_CM, _MAX_COORDINATE_CM),
+            ("position", message.y, -_MAX_COORDINATE_CM, _MAX_COORDINATE_CM),
+            ("position", message.z, -_MAX_COORDINATE_CM, _MAX_COORDINATE_CM),
+            ("label", message.label, 0, _LABELS),
+            ("first_seen", message.first_seen, *_TENTHS),
+            ("last_seen", message.last_seen, *_TENTHS),
+            ("observations", message.observations, 0, 0xFFFF),
+            ("instance", message.instance, 0, max_instance),
+        ),
+        n,
     )
     described = unpack_bits(message.described, n, "described")
-    d = int(described.sum())
+    d = int(np.count_nonzero(described))
     if len(message.descriptor) != d * DESCRIPTOR_BYTES:
         raise WireError(f"descriptor: {len(message.descriptor)} bytes do not hold {d} descriptors")
+    steps = unpack_columns(
+        (("min_distance", message.min_distance, 0, 255), ("max_distance", message.max_distance, 0, 255)), d
+    )
+    normal = unpack_normals(message.normal, d, "normal")
+    seen = epoch + table[4:6] / 10.0
     features = MapFeatures(
         id=np.zeros(n, np.uint64),
-        position=position / 100.0,
+        position=np.ascontiguousarray(table[:3].T) / 100.0,
         descriptor=np.zeros((n, DESCRIPTOR_BYTES), np.uint8),
         normal=np.zeros((n, 3), np.float32),
         min_distance=np.zeros(n, np.float32),
         max_distance=np.zeros(n, np.float32),
-        label=unpack_integers(message.label, n, 0, _LABELS, "label").astype(np.uint8),
+        label=table[3].astype(np.uint8),
         instance_key=np.zeros(n, np.uint64),
-        first_seen=epoch + _decode_tenths(message.first_seen, n, "first_seen"),
-        last_seen=epoch + _decode_tenths(message.last_seen, n, "last_seen"),
-        observations=unpack_integers(message.observations, n, 0, 0xFFFF, "observations").astype(np.uint16),
+        first_seen=seen[0],
+        last_seen=seen[1],
+        observations=table[6].astype(np.uint16),
     )
-    features.descriptor[described] = np.frombuffer(message.descriptor, np.uint8).reshape(DESCRIPTOR_BYTES, d).T
-    features.normal[described] = unpack_normals(message.normal, d, "normal")
-    features.min_distance[described] = _decode_distance(message.min_distance, d, "min_distance")
-    features.max_distance[described] = _decode_distance(message.max_distance, d, "max_distance")
-    return features, unpack_integers(message.instance, n, 0, max_instance, "instance")
-
-
-def _decode_tenths(data: bytes, count: int, what: str) -> NDArray[np.float64]:
-    """Checked features of a message; raises `WireError`."""
-    return unpack_integers(data, count, -(1 << 40), 1 << 40, what) / 10.0
+    if d:
+        rows = np.flatnonzero(described)
+        features.descriptor[rows] = np.frombuffer(message.descriptor, np.uint8).reshape(DESCRIPTOR_BYTES, d).T
+        features.normal[rows] = normal
+        features.min_distance[rows], features.max_distance[rows] = _DISTANCES_M[steps]
+    return features, table[7]
 
 
 def _log_distance(metres: NDArray[np.floating]) -> NDArray[np.int64]:
     steps = np.round(_STEPS_PER_OCTAVE * np.log2(np.maximum(metres, 1e-3) / _DISTANCE_UNIT_M))
     return np.asarray(np.clip(steps, 0, 255), dtype=np.int64)
-
-
-def _decode_distance(data: bytes, count: int, what: str) -> NDArray[np.float32]:
-    steps = unpack_integers(data, count, 0, 255, what)
-    return np.asarray(_DISTANCE_UNIT_M * 2.0 ** (steps / _STEPS_PER_OCTAVE), dtype=np.float32)
 
 
 def encode_instances(instances: InstanceSummaries) -> pb.Instances:
@@ -134,13 +140,22 @@ def encode_instances(instances: InstanceSummaries) -> pb.Instances:
 def decode_instances(message: pb.Instances) -> InstanceSummaries:
     """Checked instances of a message; raises `WireError`."""
     n = bounded_count(message.count, _MAX_INSTANCES, "instances")
-    bearing = unpack_integers(message.view_direction, n, 0, 255, "view_direction") * (2 * np.pi / 256)
+    table = unpack_columns(
+        (
+            ("instances.id", message.id, 1, MAX_INSTANCE - 1),
+            ("instances.label", message.label, 0, _LABELS),
+            ("confidence", message.confidence, 0, 255),
+            ("view_direction", message.view_direction, 0, 255),
+            ("instances.frames", message.frames, 0, 0xFFFF),
+        ),
+        n,
+    )
     return InstanceSummaries(
-        id=unpack_integers(message.id, n, 1, MAX_INSTANCE - 1, "instances.id").astype(np.int32),
-        label=unpack_integers(message.label, n, 0, _LABELS, "instances.label").astype(np.uint8),
-        confidence=(unpack_integers(message.confidence, n, 0, 255, "confidence") / 255).astype(np.float32),
-        view_direction=np.stack([np.sin(bearing), np.cos(bearing)], axis=1).astype(np.float32),
-        frames=unpack_integers(message.frames, n, 0, 0xFFFF, "instances.frames").astype(np.uint16),
+        id=table[0].astype(np.int32),
+        label=table[1].astype(np.uint8),
+        confidence=(table[2] / 255).astype(np.float32),
+        view_direction=_VIEW_DIRECTIONS[table[3]],
+        frames=table[4].astype(np.uint16),
     )
 
 
@@ -164,11 +179,8 @@ def decode_ground(message: pb.Ground) -> GroundCells:
     x, y = message.x * BLOCK, message.y * BLOCK
     if not (abs(x) <= _MAX_CELL and abs(y) <= _MAX_CELL):
         raise WireError("ground: it lies outside of the map frame")
-    grid = unpack_classes(message.cells, message.rows * BLOCK, message.columns * BLOCK, "ground")
-    iy, ix = np.nonzero(grid)
-    obstacle = grid[iy, ix] > 1
-    votes = (~obstacle).astype(np.uint16), obstacle.astype(np.uint16)
-    return GroundCells((ix + x).astype(np.int32), (iy + y).astype(np.int32), *votes)
+    cells = unpack_cells(message.cells, message.rows * BLOCK, message.columns * BLOCK, "ground")
+    return GroundCells(cells.ix + np.int32(x), cells.iy + np.int32(y), cells.free, cells.obstacle)
 
 
 def encode_traffic(traffic: Traffic) -> pb.Traffic:
@@ -189,16 +201,22 @@ def encode_traffic(traffic: Traffic) -> pb.Traffic:
 def decode_traffic(message: pb.Traffic) -> Traffic:
     """Checked traffic of a message; raises `WireError`."""
     n = bounded_count(message.count, _MAX_INSTANCES, "traffic")
-    position = [
-        unpack_integers(c, n, -_MAX_COORDINATE_CM, _MAX_COORDINATE_CM, "traffic position")
-        for c in (message.x, message.y)
-    ]
-    velocity = [unpack_integers(c, n, -_MAX_SPEED_CM_S, _MAX_SPEED_CM_S, "velocity") for c in (message.vx, message.vy)]
+    table = unpack_columns(
+        (
+            ("traffic.id", message.id, 1, MAX_INSTANCE - 1),
+            ("traffic.label", message.label, 0, _LABELS),
+            ("traffic position", message.x, -_MAX_COORDINATE_CM, _MAX_COORDINATE_CM),
+            ("traffic position", message.y, -_MAX_COORDINATE_CM, _MAX_COORDINATE_CM),
+            ("velocity", message.vx, -_MAX_SPEED_CM_S, _MAX_SPEED_CM_S),
+            ("velocity", message.vy, -_MAX_SPEED_CM_S, _MAX_SPEED_CM_S),
+        ),
+        n,
+    )
     return Traffic(
-        id=unpack_integers(message.id, n, 1, MAX_INSTANCE - 1, "traffic.id").astype(np.int32),
-        label=unpack_integers(message.label, n, 0, _LABELS, "traffic.label").astype(np.uint8),
-        position=(np.stack(position, axis=1) / 100).astype(np.float32),
-        velocity=(np.stack(velocity, axis=1) / 100).astype(np.float32),
+        id=table[0].astype(np.int32),
+        label=table[1].astype(np.uint8),
+        position=(table[2:4].T / 100).astype(np.float32),
+        velocity=(table[4:6].T / 100).astype(np.float32),
     )
 
 
@@ -218,14 +236,20 @@ def encode_trajectory(trajectory: Trajectory, start: float) -> pb.Trajectory:
 def decode_trajectory(message: pb.Trajectory, start: float) -> Trajectory:
     """Checked trajectory of a message; raises `WireError`."""
     n = bounded_count(message.count, _MAX_TRAJECTORY_POINTS, "trajectory")
-    position = [
-        unpack_integers(column, n, -_MAX_COORDINATE_CM, _MAX_COORDINATE_CM, "trajectory position")
-        for column in (message.x, message.y, message.z)
-    ]
     window_ms = int(MAX_WINDOW_S * 1000)
-    heading = unpack_integers(message.heading, n, 0, 65535, "heading") * (2 * np.pi / 65536)
+    table = unpack_columns(
+        (
+            ("trajectory position", message.x, -_MAX_COORDINATE_CM, _MAX_COORDINATE_CM),
+            ("trajectory position", message.y, -_MAX_COORDINATE_CM, _MAX_COORDINATE_CM),
+            ("trajectory position", message.z, -_MAX_COORDINATE_CM, _MAX_COORDINATE_CM),
+            ("trajectory.time", message.time, -window_ms, window_ms),
+            ("heading", message.heading, 0, 65535),
+        ),
+        n,
+    )
+    heading = table[4] * (2 * np.pi / 65536)
     return Trajectory(
-        time=start + unpack_integers(message.time, n, -window_ms, window_ms, "trajectory.time") / 1000,
-        position=np.stack(position, axis=1) / 100,
+        time=start + table[3] / 1000,
+        position=np.ascontiguousarray(table[:3].T) / 100,
         heading=np.where(heading > np.pi, heading - 2 * np.pi, heading).astype(np.float32),
     )

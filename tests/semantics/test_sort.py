@@ -122,6 +122,20 @@ def test_a_parked_car_hidden_for_a_second_gets_its_id_back():
     assert tracks.id.tolist() == [1]
 
 
+def test_a_parked_car_that_another_slid_before_is_awaited_where_it_stood():
+    sort = Sort(CAMERA)
+    for k in range(26):
+        box, z = parked_car(x=4.0, z=25.0, T_map_cam=at(0.3 * k))
+        left, top, right, bottom = box
+        covered = np.clip((k - 4) / 9, 0.0, 1.0)  # from the left, until less is seen than a detection needs
+        hidden = 10 <= k < 20
+        seen = box if hidden or k >= 20 else (left + covered * (right - left), top, right, bottom)
+        tracks = sort.update(
+            detections() if hidden else detections(seen), at(0.3 * k), depths() if hidden else depths(z)
+        )
+    assert tracks.id.tolist() == [1]
+
+
 def test_a_nearer_car_does_not_take_over_the_id_of_the_one_it_hides():
     sort = Sort(CAMERA)
     behind, z_behind = parked_car(x=3.0, z=24.0, T_map_cam=at(0.0))

@@ -46,7 +46,7 @@ class SortSettings:
     min_hits: int = 1
     max_age: int = 1
     max_age_in_map: int = 30
-    max_drift: float = 0.06
+    max_drift: float = 0.12
     min_containment: float = 0.7
 
 
@@ -80,6 +80,8 @@ class Sort:
         """
         measured = boxes_to_measurements(detections.box)
         depths = depths if depths is not None else InstanceDepths.unknown(len(detections))
+        # a rate measured while another object slid before it is not the object's own
+        self._filter.forget_rates(np.flatnonzero((self._age > 0) & self._waits_in_map()))
         self._filter.predict(self._billboards.shift(T_map_cam) if self._billboards else np.zeros((len(self._id), 4)))
         cut = self._cut(detections.box)
         rows = self._match(detections, depths, cut)

@@ -1,6 +1,7 @@
 """The service behind a real socket, in a thread of the test."""
 
 import threading
+import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -34,9 +35,7 @@ class Site:
     client: httpx.Client = field(init=False)
 
     def __post_init__(self):
-        self.client = httpx.Client(
-            base_url=self.url, timeout=60
-        )  # the first diff of a new machine waits for a compiler
+        self.client = httpx.Client(base_url=self.url, timeout=10)
 
     def hand_in(self, payload, **headers):
         return self.client.post(
@@ -66,6 +65,8 @@ def running(
     server = WebServer(app)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
     thread.start()
+    while not server.started and thread.is_alive():  # on a new machine it compiles first
+        time.sleep(0.01)
     try:
         with site.client:
             yield site

@@ -124,11 +124,9 @@ def cloud(
         streets=network,
         broker=BrokerAddress.parse(mqtt) if mqtt else None,
     )
-    server = WebServer(site, certificate, key)
     address = f"{'https' if certificate else 'http'}://{host}:{listening.getsockname()[1]}"
-    console.print(
-        f"{address}  {len(durable.service.spots)} spots, {kept.position} diffs in {kept.name}, method {method}"
-    )
+    holds = f"{len(durable.service.spots)} spots, {kept.position} diffs in {kept.name}, method {method}"
+    server = WebServer(site, certificate, key, lambda: console.print(f"{address}  {holds}"))
     if tokens is not None and not any(known.revoked_at is None for known in tokens.all()):
         console.print(f"no car has a token yet: autowaze cloud token add NAME --store {kept.name}")
     try:

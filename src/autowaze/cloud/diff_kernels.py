@@ -61,11 +61,11 @@ def extent_of_places(position: NDArray[np.float64], path: NDArray[np.float64]) -
 @numba.njit(cache=True, nogil=True)
 def extent_of_cells(ix: NDArray[np.int32], iy: NDArray[np.int32]) -> tuple[int, int, int, int, bool]:
     """Lowest and highest x and y of ground cells (N > 0,), and whether they are sorted by y, then x, each once."""
-    x0 = x1 = np.int64(ix[0])
-    y0 = y1 = np.int64(iy[0])
+    x0 = x1 = int(ix[0])
+    y0 = y1 = int(iy[0])
     ascend = True
     for row in range(1, len(ix)):
-        x, y = np.int64(ix[row]), np.int64(iy[row])
+        x, y = int(ix[row]), int(iy[row])
         x0, x1, y0, y1 = min(x0, x), max(x1, x), min(y0, y), max(y1, y)
         if iy[row] < iy[row - 1] or (iy[row] == iy[row - 1] and ix[row] <= ix[row - 1]):
             ascend = False
@@ -116,13 +116,13 @@ def most_frames(
     instances: NDArray[np.uint16],
 ) -> int:
     """In how many frames a feature (N,), a ground cell (C,) or an instance (I,) was seen at most."""
-    most = np.int64(0)
+    most = 0
     for row in range(len(observations)):
-        most = max(most, np.int64(observations[row]))
+        most = max(most, int(observations[row]))
     for row in range(len(free)):
-        most = max(most, np.int64(free[row]) + np.int64(obstacle[row]))
+        most = max(most, int(free[row]) + int(obstacle[row]))
     for row in range(len(instances)):
-        most = max(most, np.int64(instances[row]))
+        most = max(most, int(instances[row]))
     return most
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 
@@ -45,6 +46,7 @@ from autowaze.cloud.durable import DurableService
 from autowaze.cloud.fleet import Fleet
 from autowaze.cloud.nearest import SpotFinder
 from autowaze.cloud.passes import PassJournal
+from autowaze.cloud.rehearsal import rehearse
 from autowaze.cloud.store.tokens import Scope
 from autowaze.world.broker import BrokerAddress
 from autowaze.world.parking import ParkingMap
@@ -100,12 +102,13 @@ def create_app(
     desk = DiffDesk(intake, guard, meters)
     spots_by_mqtt = MqttBroadcast(book, intake) if broker else None
     editor = ParkingEditor(intake, book, feed, durable.store, spots_by_mqtt.redrawn if spots_by_mqtt else None)
-    if spots_by_mqtt:
-        broadcasts.append(spots_by_mqtt.note)
+    broadcasts += [spots_by_mqtt.note] if spots_by_mqtt else []
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        await asyncio.to_thread(rehearse)
         intake.open()
+        surveying = asyncio.create_task(asyncio.to_thread(book.sheet.survey))
         async with AsyncExitStack() as stack:
             if broker and spots_by_mqtt:
                 await stack.enter_async_context(spots_by_mqtt)
@@ -114,7 +117,7 @@ def create_app(
             for listeners in app.state.listeners:
                 listeners.close()
         await intake.close()
-        await refusals.written()
+        await asyncio.gather(refusals.written(), surveying)
 
     app = FastAPI(title="Autowaze", version=__version__, lifespan=lifespan, docs_url=None, redoc_url=None)
     app.state.listeners = (feed.listeners, fleet_feed.listeners)

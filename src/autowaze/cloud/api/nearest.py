@@ -122,5 +122,5 @@ def _described(choice: Choice, believed: BelievedSpots) -> NearSpot:
 
 def _centres(sheet: SpotSheet) -> NDArray[np.float64]:
     """Middles (S, 2) of the spots in map metres."""
-    middle = shapely.centroid(sheet.kerb.polygons)
+    middle = shapely.centroid(sheet.polygons)
     return np.column_stack([shapely.get_x(middle), shapely.get_y(middle)])

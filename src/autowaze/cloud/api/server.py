@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import socket
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 
@@ -34,12 +35,19 @@ class WebServer(uvicorn.Server):
     Args:
         app: what `create_app` made.
         certificate, key: PEM files for TLS.
+        announce: is called when requests are answered.
 
     Raises:
         AutowazeError: certificate and key cannot be used.
     """
 
-    def __init__(self, app: FastAPI, certificate: Path | None = None, key: Path | None = None) -> None:
+    def __init__(
+        self,
+        app: FastAPI,
+        certificate: Path | None = None,
+        key: Path | None = None,
+        announce: Callable[[], None] | None = None,
+    ) -> None:
         if (certificate is None) != (key is None):
             raise AutowazeError("TLS needs both --certificate and --key")
         super().__init__(
@@ -63,6 +71,7 @@ class WebServer(uvicorn.Server):
         except (OSError, ValueError) as error:  # ssl.SSLError is an OSError
             raise AutowazeError(f"{certificate}, {key}: not usable for TLS: {error}") from error
         self._listeners = app.state.listeners
+        self._announce = announce
 
     def run(self, sockets: list[socket.socket] | None = None) -> None:
         """Serve until told to stop."""
@@ -76,6 +85,12 @@ class WebServer(uvicorn.Server):
             gc.set_threshold(*thresholds)
             gc.unfreeze()
             sys.setswitchinterval(before)
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Begin to answer requests."""
+        await super().startup(sockets)
+        if self.started and self._announce is not None:
+            self._announce()
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Stop, at a signal."""

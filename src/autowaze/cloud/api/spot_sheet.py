@@ -26,9 +26,9 @@ class SpotSheet:
         georeference: origin of the map frame.
         ids, kinds: of the spots.
         rectangles: {x, y, width, height} in map metres around each spot.
-        outlines_lon_lat: (S,) polygons, counter-clockwise; `geometries` are the same as GeoJSON, to a centimetre.
+        polygons: (S,) outlines in map metres.
+        outlines_lon_lat: (S,) polygons, counter-clockwise.
         bounds_lon_lat: (S, 4) west, south, east, north.
-        kerb: the spots as CDS has them.
     """
 
     def __init__(self, parking_map: ParkingMap) -> None:
@@ -36,15 +36,26 @@ class SpotSheet:
         self.survey_heading_rad = parking_map.survey_heading_rad
         self.ids = [spot.id for spot in parking_map.spots]
         self.kinds = [spot.kind for spot in parking_map.spots]
-        polygons = np.array([spot.polygon for spot in parking_map.spots], dtype=np.object_)
-        self.rectangles: list[Rectangle] = vacant_rectangles(polygons)
-        outlines = shapely.transform(polygons, parking_map.georeference.to_lon_lat)
+        self.polygons = np.array([spot.polygon for spot in parking_map.spots], dtype=np.object_)
+        self.rectangles: list[Rectangle] = vacant_rectangles(self.polygons)
+        outlines = shapely.transform(self.polygons, parking_map.georeference.to_lon_lat)
         self.outlines_lon_lat = shapely.force_2d(np.asarray(shapely.orient_polygons(outlines), dtype=np.object_))
-        # A centimetre; RFC 7946, sec. 11.2 asks for no more digits than are meant.
-        rounded = shapely.transform(self.outlines_lon_lat, lambda lon_lat: np.round(lon_lat, 7))
-        self.geometries: list[Any] = [json.loads(text) for text in shapely.to_geojson(rounded)]
         self.bounds_lon_lat: NDArray[np.float64] = shapely.bounds(self.outlines_lon_lat)
-        self.kerb = Kerb(parking_map)
+
+    @cached_property
+    def geometries(self) -> list[Any]:
+        """Outlines as GeoJSON, to a centimetre: RFC 7946, sec. 11.2 asks for no more digits than are meant."""
+        rounded = shapely.transform(self.outlines_lon_lat, lambda lon_lat: np.round(lon_lat, 7))
+        return [json.loads(text) for text in shapely.to_geojson(rounded)]
+
+    @cached_property
+    def kerb(self) -> Kerb:
+        """The spots as CDS has them; takes seconds for a city."""
+        return Kerb(self.parking_map)
+
+    def survey(self) -> None:
+        """Work out now what takes long, so that nobody who asks has to wait for it."""
+        _ = self.geometries, self.kerb
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -62,7 +73,7 @@ class SpotSheet:
     @property
     def parking_map(self) -> ParkingMap:
         """The spots as a parking map."""
-        spots = zip(self.ids, self.kerb.polygons.tolist(), self.kinds, strict=True)
+        spots = zip(self.ids, self.polygons.tolist(), self.kinds, strict=True)
         return ParkingMap(tuple(ParkingSpot(*spot) for spot in spots), self.georeference, self.survey_heading_rad)
 
     def with_spot(self, spot: ParkingSpot) -> SpotSheet:
@@ -78,12 +89,14 @@ class SpotSheet:
         sheet = copy.copy(self)
         for derived in ("row_of", "tree"):
             sheet.__dict__.pop(derived, None)
-        for column in ("ids", "kinds", "rectangles", "geometries"):
+        lists = ("ids", "kinds", "rectangles", *(["geometries"] if "geometries" in self.__dict__ else []))
+        for column in lists:
             items = getattr(self, column)
             setattr(sheet, column, items[:row] + (getattr(drawn, column) if drawn else []) + items[row + 1 :])
-        for column in ("outlines_lon_lat", "bounds_lon_lat"):
+        for column in ("polygons", "outlines_lon_lat", "bounds_lon_lat"):
             values = getattr(self, column)
             middle = [getattr(drawn, column)] if drawn else []
             setattr(sheet, column, np.concatenate([values[:row], *middle, values[row + 1 :]]))
-        sheet.kerb = self.kerb.spliced(row, drawn.kerb if drawn else None)
+        if "kerb" in self.__dict__:
+            sheet.kerb = self.kerb.spliced(row, drawn.kerb if drawn else None)
         return sheet

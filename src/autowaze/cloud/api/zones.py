@@ -7,6 +7,7 @@ import json
 import uuid
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -62,9 +63,8 @@ class Kerb:
         self.numbers = [spot.id for spot in parking_map.spots]
         self.kinds = [spot.kind for spot in parking_map.spots]
         self.space_ids = [cds_id("space", self.georeference, spot.id) for spot in parking_map.spots]
-        sides = np.array([_sides_cm(polygon) for polygon in self.polygons])
-        self.length_cm, self.width_cm = sides[:, 0], sides[:, 1]
-        self._adopt([self._zone(rows) for rows in _neighbours(self.polygons)])
+        self.length_cm, self.width_cm = _sides_cm(self.polygons)
+        self._adopt(self._surveyed(_neighbours(self.polygons)))
 
     def spliced(self, row: int, drawn: Kerb | None) -> Kerb:
         """A kerb with one spot in the place of that in a row, or after all others, or none there; this one stays.
@@ -95,7 +95,7 @@ class Kerb:
             if z.id not in affected
         ]
         parts = _neighbours(kerb.polygons[again]) if again else []
-        zones += [kerb._zone(tuple(again[r] for r in part)) for part in parts]
+        zones += kerb._surveyed([tuple(again[r] for r in part) for part in parts])
         kerb._adopt(sorted(zones, key=lambda zone: zone.rows))
         return kerb
 
@@ -112,18 +112,36 @@ class Kerb:
         self.zone_by_id = {zone.id: zone for zone in self.zones}
         self.row_of_space = {space_id: row for row, space_id in enumerate(self.space_ids)}
 
-    def _zone(self, rows: tuple[int, ...]) -> Zone:
-        spots = self.polygons[list(rows)]
+    def _surveyed(self, groups: list[tuple[int, ...]]) -> list[Zone]:
+        """Zones of these groups of rows; what can be done for all of them at once is."""
+        if not groups:
+            return []
+        rows, group = np.concatenate(groups), np.repeat(np.arange(len(groups)), [len(rows) for rows in groups])
+        spots, starts = self.polygons[rows], np.searchsorted(group, np.arange(len(groups) + 1))
         # A little farther than neighbours are looked for, so that those who touch in one point become one piece.
-        around = shapely.union_all(shapely.buffer(spots, 1.01 * REACH_M, cap_style="square", join_style="mitre"))
-        polygon = shapely.Polygon(shapely.get_exterior_ring(around))
-        lon_lat = shapely.transform(polygon, self.georeference.to_lon_lat)
-        outline = shapely.orient_polygons(shapely.transform(lon_lat, lambda points: np.round(points, 7)))
-        length, width = _sides_cm(shapely.union_all(spots))
+        rims = shapely.buffer(spots, 1.01 * REACH_M, cap_style="square", join_style="mitre")
+        around = np.array([shapely.union_all(rims[a:b]) for a, b in pairwise(starts)], dtype=np.object_)
+        polygons = np.asarray(shapely.polygons(shapely.get_exterior_ring(around)), dtype=np.object_)
+        lon_lat = shapely.transform(polygons, self.georeference.to_lon_lat)
+        outlines = shapely.orient_polygons(shapely.transform(lon_lat, lambda points: np.round(points, 7)))
+        length, width = _sides_cm(np.asarray(shapely.multipolygons(spots, indices=group), dtype=np.object_))
+        columns = (groups, polygons.tolist(), shapely.to_geojson(outlines).tolist(), length.tolist(), width.tolist())
+        return [
+            Zone(
+                cds_id("zone", self.georeference, self.numbers[own[0]]),
+                own,
+                polygon,
+                json.loads(geometry),
+                length_cm,
+                width_cm,
+                self._angle(own),
+            )
+            for own, polygon, geometry, length_cm, width_cm in zip(*columns, strict=True)
+        ]
+
+    def _angle(self, rows: tuple[int, ...]) -> str | None:
         of_spots = {self.kinds[row] for row in rows}
-        angle = next(iter(of_spots)) if len(of_spots) == 1 and of_spots <= set(_ANGLES) else None
-        zone_id = cds_id("zone", self.georeference, self.numbers[rows[0]])
-        return Zone(zone_id, rows, polygon, json.loads(shapely.to_geojson(outline)), length, width, angle)
+        return next(iter(of_spots)) if len(of_spots) == 1 and of_spots <= set(_ANGLES) else None
 
 
 def cds_id(kind: str, georeference: Georeference, name: str) -> str:
@@ -146,7 +164,10 @@ def _neighbours(polygons: NDArray[np.object_]) -> list[tuple[int, ...]]:
     return [tuple(rows) for rows in groups.values()]
 
 
-def _sides_cm(shape: shapely.Geometry) -> tuple[int, int]:
-    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shape))
-    sides = np.hypot(*np.diff(corners[:3], axis=0).T)
-    return round(100 * float(sides.max())), round(100 * float(sides.min()))
+def _sides_cm(shapes: NDArray[np.object_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Longer and shorter sides (N,) of the smallest rectangles around shapes (N,)."""
+    corners, owner = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shapes), return_index=True)
+    corners = corners[np.searchsorted(owner, np.arange(len(shapes)))[:, None] + np.arange(3)]
+    sides = np.linalg.norm(np.diff(corners, axis=1), axis=2)
+    whole = np.round(100 * sides).astype(np.int64)
+    return whole.max(axis=1), whole.min(axis=1)

@@ -17,8 +17,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, ParamSpec, Self, TypeVar
 
-from autowaze.cloud.admission import CarefulAdmission
-from autowaze.cloud.service import CloudService
 from autowaze.evaluation import base_map
 from autowaze.evaluation.demonstration.city import surveyed_start
 from autowaze.evaluation.drive import DriveRecord, run_drive
@@ -41,7 +39,7 @@ from autowaze.world.frame import StereoFrame
 from autowaze.world.georeference import Georeference
 from autowaze.world.map_file import load_map
 from autowaze.world.parking import ParkingMap
-from autowaze.world.wire import decode_diff, encode_diff
+from autowaze.world.wire import encode_diff
 
 Tell = Callable[[str, int, int], None]
 """Called with what is done, and how many of how many frames are."""
@@ -133,22 +131,16 @@ def survey(folder: Path, georeference: Georeference, model: str, session: int, n
     return found.messages
 
 
-def rehearse(folder: Path, found: list[bytes], base_map_file: Path, parking_map: Path, model: str) -> None:
-    """Do for some frames what car and service will do, so that nothing is left to be compiled when cars drive.
-
-    Args:
-        found: what the survey of this street found; the rehearsing service begins with it as news.
-    """
+def rehearse(folder: Path, base_map_file: Path, parking_map: Path, model: str) -> None:
+    """Do for some frames what a car will do, so that nothing is left to be compiled when cars drive."""
     trace, stored, spots = open_trace(folder), load_map(base_map_file), ParkingMap.from_geojson(parking_map)
     node = VehicleNode(trace.camera, _segmenter(model), stored_map=stored, spots=spots)
     first = len(trace) // 2  # amid the spots
     for index in range(first, min(first + _REHEARSED_FRAMES, len(trace))):
         node.process(trace[index])
     diff = node.finish()
-    service = CloudService(spots)
-    for message in [*found, *([] if diff is None else [encode_diff(diff)])]:
-        CarefulAdmission().admit(decode_diff(message), None, service)
-        service.receive(message)
+    if diff is not None:
+        encode_diff(diff)
 
 
 def drive(folder: Path, url: str, outbox: Path, model: str, is_paced: bool, name: str) -> CarReport:

@@ -57,8 +57,8 @@ class Performance:
         save_map(integrated(chain.from_iterable(messages), origin), base_map)
         city = found_city([self._place(drive) for drive in story.surveys], origin, self._runs)
         rehearsals = [
-            crews.submit(drive.street, crew.rehearse, self._place(drive), news, base_map, city.parking_map, self._model)
-            for drive, news in zip(story.surveys, messages, strict=True)
+            crews.submit(drive.street, crew.rehearse, self._place(drive), base_map, city.parking_map, self._model)
+            for drive in story.surveys
         ]
         for rehearsal in rehearsals:
             rehearsal.result()

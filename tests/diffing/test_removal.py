@@ -74,3 +74,13 @@ def test_when_hardly_anything_matches_the_light_is_to_blame() -> None:
 def test_a_car_leaves_with_the_features_that_were_looked_for_too_seldom() -> None:
     parts = [*HOUSES, (20, 77, 0, {Sight.THROUGH: 8}), (5, 77, 0, {Sight.UNKNOWN: 1})]
     assert removed_of_last_part(parts).all()
+
+
+def test_the_last_features_of_a_car_that_shares_its_id_go_with_the_rest_of_it() -> None:
+    """Too few in their cell to be judged by it, another car behind them, and more of the id stands than is gone."""
+    parts = [*HOUSES, (40, 77, 6, {Sight.SURFACE: 4}), (8, 77, 0, {Sight.THROUGH: 8}), (1, 77, 0, {Sight.SURFACE: 8})]
+    seen = street(parts)
+    seen.position[-1] = seen.position[-2] + [0.6, 0.0, 0.0]
+    removed = removed_features(seen, SETTINGS)
+    assert removed[-9:].all()
+    assert not removed[:-9].any()

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from autowaze.vehicle.diffing.settings import DiffSettings
 from autowaze.vehicle.diffing.visibility import Sight
@@ -53,7 +54,8 @@ def removed_features(seen: LookedFor, settings: DiffSettings) -> NDArray[np.bool
     for often enough, (nearly) never matched, and either stereo sees through where it stood in most of those frames,
     or its neighbourhood - those of the same instance around it - is missing as a whole while the rest of the map
     matches. In the place of a missing vehicle a surface is another vehicle; in the background it is the old surface
-    in other light. An instance most of which is gone has gone as a whole.
+    in other light. An instance most of which is gone has gone as a whole, and so has the part of it around a feature:
+    the other part may be the next car.
     """
     looked_for = seen.matched + seen.missed
     judged = looked_for >= settings.min_visible_frames
@@ -65,7 +67,8 @@ def removed_features(seen: LookedFor, settings: DiffSettings) -> NDArray[np.bool
     surface = 2 * seen.sights[:, Sight.SURFACE] > seen.missed
     absent = _absent_neighbourhoods(seen, judged, settings) & (of_instance | ~surface)
     gone = judged & ~found & (seen_through | absent)
-    return np.asarray(gone | (~found & _mostly(gone, judged, seen.instance_key)), dtype=np.bool_)
+    mostly = _mostly(gone, judged, seen.instance_key) | _mostly_around(gone, judged, seen, settings)
+    return np.asarray(gone | (~found & mostly), dtype=np.bool_)
 
 
 def _absent_neighbourhoods(seen: LookedFor, judged: NDArray[np.bool_], settings: DiffSettings) -> NDArray[np.bool_]:
@@ -89,3 +92,20 @@ def _mostly(gone: NDArray[np.bool_], judged: NDArray[np.bool_], instance_key: ND
     group = np.unique(instance_key, return_inverse=True)[1]
     mostly = 2 * np.bincount(group, weights=gone) > np.bincount(group, weights=judged)
     return np.asarray(mostly[group] & (instance_key != 0))
+
+
+def _mostly_around(
+    gone: NDArray[np.bool_], judged: NDArray[np.bool_], seen: LookedFor, settings: DiffSettings
+) -> NDArray[np.bool_]:
+    """Mask (N,) of the features most of whose judged neighbours of the same instance are gone."""
+    mostly = np.zeros(len(gone), np.bool_)
+    rows = np.flatnonzero(judged & (seen.instance_key != 0))
+    if not gone[rows].any():
+        return mostly
+    pairs = rows[cKDTree(seen.position[rows]).query_pairs(settings.neighbourhood_m, output_type="ndarray")]
+    pairs = pairs[seen.instance_key[pairs[:, 0]] == seen.instance_key[pairs[:, 1]]]
+    row, neighbour = np.concatenate([pairs, pairs[:, ::-1]]).T
+    n_gone = np.bincount(row, weights=gone[neighbour], minlength=len(gone))
+    n = np.bincount(row, minlength=len(gone))
+    mostly[:] = (n >= settings.min_group - 1) & (2 * n_gone > n)
+    return mostly

@@ -81,5 +81,5 @@ def _track(trace: Trace, frames: Iterable[StereoFrame]) -> OdometryRun:
     slam.finish()
     slam.loops.adjust()
     T_adjusted = DriveCorrection(slam.loops, np.stack([t.T_map_cam for t in tracked])).poses()
-    n_open = slam.loops.corrections[0][0] - 1 if slam.loops.corrections else len(tracked)
+    n_open = slam.loops.closings[0] - 1 if slam.loops.closings else len(tracked)
     return OdometryRun(tracked, np.array(milliseconds), T_adjusted, len(slam.loops.loops), n_open)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,10 @@ from autowaze.vehicle.slam.keyframe import Keyframe
 from autowaze.vehicle.slam.landmarks import NO_LANDMARK, Landmarks
 from autowaze.vehicle.slam.observed_frame import ObservedFrame
 from autowaze.vehicle.slam.settings import SlamSettings
+from autowaze.vehicle.slam.small_matrices import then
 from autowaze.world.camera import StereoCamera
 from autowaze.world.labels import is_movable
-from autowaze.world.pose import Pose, inverse
+from autowaze.world.pose import Pose, inverse, transform
 
 _MIN_FOUND_SHARE = 0.25  # ORB-SLAM2: young landmarks found more rarely where predicted are culled
 _MIN_PREDICTED = 8  # frames before that share means something
@@ -24,7 +25,7 @@ _FLEETING_S = 1.0  # a landmark that was never found again within it was none
 _MIN_SHARED = 15  # ORB-SLAM2: landmarks that two keyframes share to be covisible
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Pending:
     due: int
     last_id: int
@@ -34,6 +35,13 @@ class _Pending:
     observation_feature: NDArray[np.int64]
     problem: BundleProblem
     solution: Future[BundleSolution]
+    carried: Pose = field(default_factory=lambda: np.eye(4))  # by what the map moved meanwhile
+
+    def result(self) -> BundleSolution:
+        """The adjustment, once it is ready, where the map is today."""
+        solution = self.solution.result()
+        T, position = then(self.carried, solution.T_map_cam), transform(self.carried, solution.position)
+        return BundleSolution(T, position, solution.inlier)
 
 
 class LocalMapper:
@@ -74,7 +82,7 @@ class LocalMapper:
         if self._pending is None or index < self._pending.due:
             return None
         pending, self._pending = self._pending, None
-        solution = pending.solution.result()
+        solution = pending.result()
         newest = pending.keyframes[-1]
         moved: Pose = solution.T_map_cam[-1] @ inverse(newest.T_map_cam)
         for keyframe, T, once in zip(pending.keyframes, solution.T_map_cam, pending.seen_once, strict=True):
@@ -91,17 +99,17 @@ class LocalMapper:
         """Wait for the adjustment under way and apply it."""
         return self.adopt(self._pending.due) if self._pending else None
 
-    def move(self, motion: Pose) -> Pose:
+    def move(self, motion: Pose) -> None:
         """Move the latest keyframes and all landmarks of this drive (4, 4, map to map), as when drift is mended.
 
-        The bundle adjustment under way is applied first; returns how that moved the newest keyframe (4, 4).
+        What a bundle adjustment under way finds will move along.
         """
-        moved = self.finish()
+        if self._pending is not None:
+            self._pending.carried = then(motion, self._pending.carried)
         for keyframe in self.keyframes:
-            keyframe.T_map_cam = motion @ keyframe.T_map_cam
+            keyframe.T_map_cam = then(motion, keyframe.T_map_cam)
         own = np.flatnonzero(~self.landmarks.is_stored)
         self.landmarks.position[own] = self.landmarks.position[own] @ motion[:3, :3].T + motion[:3, 3]
-        return np.eye(4) if moved is None else moved
 
     def take_retired(self) -> list[Keyframe]:
         """Keyframes that no adjustment will move any more, oldest first; each is given once."""

@@ -147,10 +147,12 @@ class StereoSlam:
         moved = self._mapper.adopt(self._count)
         if moved is not None and self._last is not None:
             self._last = self._last.moved(moved)
-        closed = self.loops.adopt(self._count)
-        if closed is not None and self._last is not None:
-            self._last = self._last.moved(self._mapper.move(closed)).moved(closed)
-            self._uncertainty.become(self.loops.covariance)
+        corrected = self.loops.adopt(self._count)
+        if corrected is not None and self._last is not None:
+            self._mapper.move(corrected.motion)
+            self._last = self._last.moved(corrected.motion)
+            if corrected.covariance is not None:
+                self._uncertainty.become(corrected.covariance)
 
     def _begin(self, frame: ObservedFrame, timestamp: float, index: int, fix: GnssPosition | None) -> TrackedFrame:
         """First frames: found in the stored map, or made the first keyframe."""

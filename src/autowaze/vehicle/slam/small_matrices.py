@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.vehicle.vision.compiled import compiled
+from autowaze.world.pose import Pose
 
 
 @compiled
@@ -67,3 +68,10 @@ def rotate_left(omega, M):  # type: ignore[no-untyped-def]
 def orthonormal(R: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotations nearest to matrices (..., 3, 3) that rounding spoilt: one Newton step to the polar factor."""
     return np.asarray(0.5 * R @ (3.0 * np.eye(3) - np.swapaxes(R, -1, -2) @ R))
+
+
+def then(motion: Pose, T: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Poses (..., 4, 4) after a motion (4, 4); rotations stay rotations however often this is done."""
+    moved = np.asarray(motion @ T)
+    moved[..., :3, :3] = orthonormal(moved[..., :3, :3])
+    return moved

@@ -14,6 +14,7 @@ from autowaze.vehicle.slam.observed_frame import ObservedFrame
 from autowaze.vehicle.slam.pose_optimization import PoseEstimate, optimize_pose
 from autowaze.vehicle.slam.projection import Predictions, predict
 from autowaze.vehicle.slam.settings import SlamSettings
+from autowaze.vehicle.slam.small_matrices import then
 from autowaze.world.camera import StereoCamera
 from autowaze.world.labels import is_movable
 from autowaze.world.pose import Pose, inverse
@@ -58,7 +59,7 @@ class Located:
 
     def moved(self, motion: Pose) -> Located:
         """The same frame after the map moved under it (4, 4, map to map)."""
-        return replace(self, estimate=replace(self.estimate, T_map_cam=motion @ self.T_map_cam))
+        return replace(self, estimate=replace(self.estimate, T_map_cam=then(motion, self.T_map_cam)))
 
 
 class Tracker:

@@ -1,4 +1,4 @@
-"""All remembered places and their landmarks adjusted together, once a loop has been closed."""
+"""Places and their landmarks adjusted together: the latest as the drive goes on, all once a loop has been closed."""
 
 from __future__ import annotations
 
@@ -26,17 +26,22 @@ def adjust_places(
     loops: Sequence[Loop],
     camera: StereoCamera,
     settings: SlamSettings,
+    n_held: int = 1,
+    max_iterations: int = _ITERATIONS,
 ) -> NDArray[np.float64]:
     """Poses (N, 4, 4) of least reprojection error over all places that still have features.
 
     Landmarks that loops found to be one are one. The first of those places, and those without features, are held.
 
     Args:
-        places: of the drive. T_map_cam: (N, 4, 4), where to start. loops: with their pairs of landmarks.
+        places: of the drive, or the latest of them. T_map_cam: (N, 4, 4), where to start.
+        loops: with their pairs of landmarks.
         camera, settings: as the features were observed with.
+        n_held: so many of the first places with features stay where they are.
+        max_iterations: see `adjust`.
     """
     seen = [k for k, place in enumerate(places) if len(place.features)]
-    if len(seen) < 3:
+    if len(seen) <= n_held + 1:
         return T_map_cam
     frames = [_observed(places[k], camera, settings) for k in seen]
     pose = np.repeat(np.arange(len(seen)), [len(f) for f in frames])
@@ -48,7 +53,7 @@ def adjust_places(
     start = np.column_stack([np.bincount(point, weights=position[chosen, i]) / count for i in range(3)])
     problem = BundleProblem(
         T_map_cam=T_map_cam[seen],
-        pose_free=np.arange(len(seen)) > 0,
+        pose_free=np.arange(len(seen)) >= n_held,
         position=start,
         point_free=np.ones(len(point_id), np.bool_),
         keyframe=pose[chosen],
@@ -58,7 +63,7 @@ def adjust_places(
         weight=np.ones(len(chosen)),
     )
     out = T_map_cam.copy()
-    out[seen] = adjust(problem, camera, _ITERATIONS).T_map_cam
+    out[seen] = adjust(problem, camera, max_iterations).T_map_cam
     return out
 
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -23,16 +24,31 @@ from autowaze.vehicle.slam.loops.recognition import PlaceIndex
 from autowaze.vehicle.slam.loops.settings import LoopSettings
 from autowaze.vehicle.slam.loops.verification import Loop, verify
 from autowaze.vehicle.slam.settings import SlamSettings
+from autowaze.vehicle.slam.small_matrices import orthonormal, then
 from autowaze.world.camera import StereoCamera
-from autowaze.world.pose import Pose, inverse, so3_log
+from autowaze.world.pose import Pose, inverse, make_pose, so3_exp, so3_log
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Pending:
     due: int
     n_places: int
     result: Future[Any]
-    apply: Callable[[Any], None]
+    apply: Callable[[Any], NDArray[np.float64] | None]
+    carried: Pose = field(default_factory=lambda: np.eye(4))  # by what the map moved meanwhile
+
+
+@dataclass(frozen=True)
+class Correction:
+    """How the map around the car moved.
+
+    Attributes:
+        motion: (4, 4), map to map.
+        covariance: (6, 6) of the pose thereafter, in the map frame, where a loop was closed.
+    """
+
+    motion: Pose
+    covariance: NDArray[np.float64] | None
 
 
 class LoopCloser:
@@ -42,7 +58,7 @@ class LoopCloser:
         places: of the drive so far, with their poses as they are known today.
         loops: the confirmed ones.
         corrections: (frame number, (4, 4) map to map): from this frame on poses are told after this motion.
-        covariance: (6, 6) of the newest place's pose after the last correction, in the map frame.
+        closings: numbers of the frames from which on loops were closed.
     """
 
     def __init__(self, camera: StereoCamera, settings: SlamSettings) -> None:
@@ -51,11 +67,13 @@ class LoopCloser:
         self.places: list[Place] = []
         self.loops: list[Loop] = []
         self.corrections: list[tuple[int, Pose]] = []
-        self.covariance: NDArray[np.float64] = np.zeros((6, 6))
+        self.closings: list[int] = []
         self._index = PlaceIndex()
         self._n_searched = self._n_forgotten = 0
         self._unconfirmed: list[Loop] = []
         self._n_closed = self._n_adjusted = 0  # loops that the poses agree with
+        self._is_held_outside = False
+        self._carried: Pose = np.eye(4)
         self._pending: _Pending | None = None
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="loop-closing")
         self._last_place: Pose = np.eye(4)  # where the map around the car has it
@@ -69,15 +87,24 @@ class LoopCloser:
                 self._add(keyframe, landmarks)
 
     def carry(self, motion: Pose) -> None:
-        """The map around the car moved (4, 4, map to map), the places stay: something absolute mended the drift."""
-        self._last_place = motion @ self._last_place
+        """The map around the car moved (4, 4, map to map): something absolute mended the drift.
 
-    def adopt(self, index: int) -> Pose | None:
-        """Apply what is due at this frame and begin what is next; returns how the newest places moved (4, 4)."""
+        The latest places move along, those before stay where they were when it held them.
+        """
+        self._is_held_outside = True
+        for place in self.places[-self.settings.loops.n_window :]:
+            place.T_map_cam = then(motion, place.T_map_cam)
+        self._last_place = then(motion, self._last_place)
+        if self._pending is not None:
+            self._pending.carried = then(motion, self._pending.carried)
+
+    def adopt(self, index: int) -> Correction | None:
+        """Apply what is due at this frame and begin what is next; returns how the map around the car moved."""
         moved = None
         if self._pending is not None and index >= self._pending.due:
             moved = self._apply()
-            self.corrections += [] if moved is None else [(index, moved)]
+            self.corrections += [] if moved is None else [(index, moved.motion)]
+            self.closings += [] if moved is None or moved.covariance is None else [index]
         if self._pending is None:
             self._begin(index, self.settings.loops.leave_places)
         return moved
@@ -92,6 +119,7 @@ class LoopCloser:
     def adjust(self) -> None:
         """Adjust the whole drive once more, at once, as for a map; every place that has been since then counts."""
         self.finish()
+        self._carried = np.eye(4)
         if self.places:
             self._adjust(adjust_places(self.places, self._poses(), self.loops, self.camera, self.settings))
 
@@ -130,34 +158,50 @@ class LoopCloser:
             self._submit(index + s.closing_frames, self._close, optimize_graph, self._poses(), self._known())
         elif self._n_searched < len(self.places):
             places, first = list(self.places), self._n_searched
-            self._submit(index + s.search_frames, self._confirm, self._search, places, first)
+            self._submit(index + s.search_frames, self._settle, self._look_back, places, first)
         elif len(self.loops) > self._n_adjusted and len(self.places) > self.loops[-1].later + leave_places:
             due = index + s.adjustment_frames + len(self.places) // s.places_per_frame
             places, loops, T = list(self.places), list(self.loops), self._poses()
             self._submit(due, self._adjust, adjust_places, places, T, loops, self.camera, self.settings)
 
-    def _submit(self, due: int, apply: Callable[[Any], None], work: Callable[..., Any], *arguments: Any) -> None:
+    def _submit(
+        self, due: int, apply: Callable[[Any], NDArray[np.float64] | None], work: Callable[..., Any], *arguments: Any
+    ) -> None:
         self._pending = _Pending(due, len(self.places), self._worker.submit(work, *arguments), apply)
 
-    def _apply(self) -> Pose | None:
-        """Take over the result under way; returns the motion of the newest place that it knows, if it moved any."""
+    def _apply(self) -> Correction | None:
+        """Take over the result under way; returns what became of the newest place that it knows, if it moved any."""
         assert self._pending is not None
         pending, self._pending = self._pending, None
         newest = self.places[pending.n_places - 1]
         before = newest.T_map_cam
-        pending.apply(pending.result.result())
+        self._carried = pending.carried
+        covariance = pending.apply(pending.result.result())
         if newest.T_map_cam is before:
             return None
-        motion: Pose = newest.T_map_cam @ inverse(before)
+        motion = then(newest.T_map_cam, inverse(before))
         for place in self.places[pending.n_places :]:
-            place.T_map_cam = motion @ place.T_map_cam
-        self._last_place = motion @ self._last_place
-        return motion
+            place.T_map_cam = then(motion, place.T_map_cam)
+        self._last_place = then(motion, self._last_place)
+        return Correction(motion, covariance)
 
-    def _search(self, places: list[Place], first: int) -> list[Loop]:
-        """Loops from the places from `first` on back to earlier ones, the surest of each."""
+    def _look_back(self, places: list[Place], first: int) -> tuple[int, NDArray[np.float64], list[Loop]]:
+        """The latest places adjusted together, from which on (W, 4, 4), and the loops of those from `first` on."""
         s = self.settings.loops
         T = np.stack([place.T_map_cam for place in places])
+        start = max(len(places) - s.n_window, 0)
+        n_held = s.n_held if start else 1
+        window = adjust_places(places[start:], T[start:], [], self.camera, self.settings, n_held, s.window_iterations)
+        # The last ones are held from one side only: they follow, as the odometry has them.
+        firm = max(len(window) - s.n_loose, 1)
+        window[firm:] = window[firm - 1] @ inverse(T[start + firm - 1]) @ T[start + firm :]
+        window[:, :3, :3] = orthonormal(window[:, :3, :3])
+        T[start:] = window
+        return start, window, self._search(places, T, first)
+
+    def _search(self, places: list[Place], T: NDArray[np.float64], first: int) -> list[Loop]:
+        """Loops from the places from `first` on back to earlier ones, the surest of each."""
+        s = self.settings.loops
         path_m = np.array([place.path_m for place in places])
         found = []
         for later in range(first, len(places)):
@@ -183,10 +227,16 @@ class LoopCloser:
                 chosen.append(int(candidates[i]))
         return chosen
 
+    def _settle(self, seen: tuple[int, NDArray[np.float64], list[Loop]]) -> None:
+        """Take over the latest places, and what loops they found."""
+        start, window, found = seen
+        self._n_searched = len(self._index)
+        self._place(start, window)
+        self._confirm(found)
+
     def _confirm(self, found: list[Loop]) -> None:
         """Loops count once several places in a row found themselves in the same way."""
         s = self.settings.loops
-        self._n_searched = len(self._index)
         for loop in found:
             self._unconfirmed = [u for u in self._unconfirmed if loop.later - u.later <= 2 * s.n_consistent]
             agree = [
@@ -196,22 +246,27 @@ class LoopCloser:
             if len(agree) + 1 >= s.n_consistent:
                 self.loops += [u for u in [*agree, loop] if u not in self.loops]
 
-    def _close(self, solution: GraphSolution) -> None:
+    def _close(self, solution: GraphSolution) -> NDArray[np.float64]:
         self._n_closed = len(self.loops)
-        self.covariance = solution.covariance
-        self._place(solution.T_map_cam)
+        T = solution.T_map_cam
+        if self._is_held_outside:
+            T = _levelled_onto(T, self._poses()[: len(T)]) @ T
+        for place, T_new in zip(self.places[: len(T)], then(self._carried, T), strict=True):
+            place.T_map_cam = T_new
+        return solution.covariance
 
     def _adjust(self, T_map_cam: NDArray[np.float64]) -> None:
-        """Take over adjusted poses; they are what is known of pairs of places from here on."""
         self._n_adjusted = len(self.loops)
-        self._place(T_map_cam)
-        for before, place in zip(self.places[: len(T_map_cam) - 1], self.places[1 : len(T_map_cam)], strict=True):
-            place.T_before = inverse(before.T_map_cam) @ place.T_map_cam
+        self._place(0, T_map_cam)
         self.loops = [replace(loop, T_earlier_later=self._between(loop.earlier, loop.later)) for loop in self.loops]
 
-    def _place(self, T_map_cam: NDArray[np.float64]) -> None:
-        for place, T in zip(self.places[: len(T_map_cam)], T_map_cam, strict=True):
+    def _place(self, start: int, T_map_cam: NDArray[np.float64]) -> None:
+        """Take over adjusted poses; they are what is known of pairs of places from here on."""
+        places = self.places[start : start + len(T_map_cam)]
+        for place, T in zip(places, then(self._carried, T_map_cam), strict=True):
             place.T_map_cam = T
+        for before, place in pairwise(places):
+            place.T_before = inverse(before.T_map_cam) @ place.T_map_cam
 
     def _between(self, earlier: int, later: int) -> Pose:
         return np.asarray(inverse(self.places[earlier].T_map_cam) @ self.places[later].T_map_cam)
@@ -236,6 +291,15 @@ class LoopCloser:
             self.places[self._n_forgotten].forget()
             self._index.forget(self._n_forgotten)
             self._n_forgotten += 1
+
+
+def _levelled_onto(T_map_cam: NDArray[np.float64], T_held: NDArray[np.float64]) -> Pose:
+    """Motion (4, 4) about the vertical that takes poses (N, 4, 4) nearest to others (Umeyama 1991)."""
+    a, b = T_map_cam[:, :3, 3], T_held[:, :3, 3]
+    u, v = a[:, :2] - a[:, :2].mean(axis=0), b[:, :2] - b[:, :2].mean(axis=0)
+    turn = np.arctan2(np.sum(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]), np.sum(u * v))
+    R = so3_exp(np.array([0.0, 0.0, turn]))
+    return make_pose(R, b.mean(axis=0) - R @ a.mean(axis=0))
 
 
 def _reachable(

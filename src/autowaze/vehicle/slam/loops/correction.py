@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from autowaze.vehicle.slam.loops.closer import LoopCloser
+from autowaze.vehicle.slam.small_matrices import then
 from autowaze.world.pose import inverse, make_pose
 
 
@@ -77,6 +78,6 @@ def _jumps(corrections: Sequence[tuple[int, NDArray[np.float64]]], n_frames: int
     """What closing loops had moved the map by, when each frame (N,) was told (N, 4, 4)."""
     jump, total = np.tile(np.eye(4), (n_frames, 1, 1)), make_pose(np.eye(3), np.zeros(3))
     for index, motion in corrections:
-        total = motion @ total
+        total = then(motion, total)
         jump[index - 1 :] = total
     return jump

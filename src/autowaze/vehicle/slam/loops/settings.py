@@ -22,6 +22,9 @@ class LoopSettings:
         min_inliers: features that make certain of a loop.
         n_consistent: places in a row that must find themselves in the same way.
         consistency_m, consistency_rad: how far two such findings may be apart after the odometry between them.
+        n_window, n_held: the latest places are adjusted together as each one comes, the first of them held.
+        n_loose: the last of them do not take part, they move along.
+        window_iterations: of that adjustment, in each of its rounds.
         search_frames, closing_frames, adjustment_frames: after so many frames a result is applied, whenever it was
             ready; the adjustment takes another frame per `places_per_frame` places.
         leave_places: the drive is adjusted as a whole after so many places without another loop.
@@ -41,6 +44,10 @@ class LoopSettings:
     n_consistent: int = 3
     consistency_m: float = 0.3
     consistency_rad: float = 0.03
+    n_window: int = 10
+    n_held: int = 3
+    n_loose: int = 1
+    window_iterations: int = 3
     search_frames: int = 3
     closing_frames: int = 5
     adjustment_frames: int = 20

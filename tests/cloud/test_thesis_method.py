@@ -1,6 +1,7 @@
 """The thesis's way from points to vacant rectangles, step by step and as a whole."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,10 @@ from autowaze.cloud.instances import InstanceViews
 from autowaze.cloud.occupancy import match_two_pass, vacant_rectangles
 from autowaze.cloud.outliers import remove_outliers
 from autowaze.cloud.service import CloudService
+from autowaze.cloud.snapshot import pack, unpack
 from autowaze.cloud.spots import SpotIndex
+from autowaze.world.feature_map import MapFeatures
+from autowaze.world.map_diff import InstanceSummaries
 from autowaze.world.parking import Occupancy
 from autowaze.world.wire import encode_diff
 
@@ -106,3 +110,26 @@ def test_a_spot_that_nobody_looked_at_is_unknown():
     assert states[3] is Occupancy.VACANT
     assert states[-1] is Occupancy.UNKNOWN
     assert service.states[-1].observed_at is None
+
+
+@pytest.mark.parametrize("method", ["thesis", "fused"])
+def test_vehicles_of_the_base_map_stand_where_it_has_them(method):
+    street = Street(count=4)
+    survey = CloudService(street.parking_map, "thesis")
+    for diff in street.drive(street.park([1, 2]), start=1000.0):
+        survey.integrate(diff)
+    service = CloudService(street.parking_map, method, survey.feature_map)
+    assert len(service.vehicle_boxes) >= 2
+    # a car that finds nothing changed has no vehicle features to send: the same street with nobody new in it
+    unchanged = [
+        replace(diff, new=MapFeatures.empty(), instances=InstanceSummaries.empty(), map_version=service.map.version)
+        for diff in street.drive(street.park([1, 2]), session=2, start=2000.0)
+    ]
+    for diff in unchanged:
+        service.integrate(diff)
+    assert [state.occupancy for state in service.states] == [
+        *(Occupancy.VACANT, Occupancy.OCCUPIED, Occupancy.OCCUPIED, Occupancy.VACANT)
+    ]
+    again = CloudService(street.parking_map, method, survey.feature_map)
+    assert again.restore(unpack(pack({"service": service.kept()}))["service"])
+    assert again.vehicle_boxes.group.tolist() == service.vehicle_boxes.group.tolist()

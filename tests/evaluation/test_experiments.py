@@ -26,7 +26,7 @@ def small_experiment() -> Experiment:
         description = load_description(
             "town-a",
             drive=90 + number,
-            rig={"name": "free", "fx": 261.0, "baseline_m": 0.54, "width": 448, "height": 160},
+            rig={"name": "free", "fx": 280.0, "baseline_m": 0.54, "width": 480, "height": 172},
             ego={"fps": 4.0, "speed_kmh": 24.0, "start_time": 1.7e9 + 7200.0 * number},
             effects={"motion_blur_ms": 0.0},
             length_m=40.0,

@@ -32,6 +32,7 @@ from autowaze.cloud.validation import check_diff
 from autowaze.cloud.visible_side import boxes_from_visible_side
 from autowaze.cloud.witnesses import Witnesses
 from autowaze.world.feature_map import FeatureMap
+from autowaze.world.labels import is_vehicle
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.map_update import MapUpdate
 from autowaze.world.parking import Occupancy, ParkingMap, SpotState
@@ -65,6 +66,7 @@ class CloudService:
         self.spot_tiles = SpotTiles(self.spots.centre, spots.georeference, self.map.version)
         self.times = StageTimes()
         self._states = [SpotState(spot_id, Occupancy.UNKNOWN) for spot_id in self.spots.ids]
+        self._stand_as_mapped(base_map)
 
     def receive(self, payload: bytes) -> Update:
         """Take in the bytes of one diff.
@@ -172,7 +174,7 @@ class CloudService:
         self.witnesses.restore(kept["witnesses"])
         self.ground.restore(kept["ground"], row_now)
         boxes = VehicleBoxes(**kept["boxes"])
-        self._stand(np.unique(boxes.group), boxes)
+        self._stand(np.union1d(self.scene.boxes.group, boxes.group), boxes)
         self.changes.restore(kept["changes"])
         for before, row in row_now.items():
             self._states[row] = SpotState.of_plain(kept["states"][before])
@@ -223,6 +225,20 @@ class CloudService:
         before = self.scene.of(old)
         self._stand(old, boxes)
         return self.spots.grid.overlaps(VehicleBoxes.concatenate([before, boxes]).corners)[1]
+
+    def _stand_as_mapped(self, base_map: FeatureMap | None) -> None:
+        """Put boxes where the base map has vehicles.
+
+        A car that finds one of them where it was has nothing new to tell of it, nor of another in its place.
+        """
+        if base_map is None or not self.method.instance_ids:
+            return
+        features = base_map.features
+        keys = np.unique(features.instance_key[is_vehicle(features.label)])
+        groups = self._group(keys[keys > 0])
+        groups = remove_outliers(groups) if self.method.outlier_removal else groups
+        boxes = self._draw_boxes(groups)
+        self._stand(np.unique(boxes.group), boxes)
 
     def _stand(self, groups: NDArray[np.uint64], boxes: VehicleBoxes) -> None:
         self.scene.replace(groups, boxes)

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from autowaze.cloud.integration import MapState
 from autowaze.evaluation.datum import Start, starting_point
 from autowaze.evaluation.drive import DriveRecord, Progress, run_drive
+from autowaze.evaluation.loop_correction import correct_loops
 from autowaze.traces import Trace
 from autowaze.vehicle.diffing import DiffSettings
 from autowaze.vehicle.node import NodeSettings, StartingPoint, VehicleNode
@@ -45,10 +46,15 @@ def survey(
     progress: Progress | None = None,
     settings: NodeSettings | None = None,
 ) -> tuple[DriveRecord, Georeference | None]:
-    """Drive a trace with an empty map; what it found is in the messages, in the map frame returned with them."""
+    """Drive a trace with an empty map; what it found is in the messages, in the map frame returned with them.
+
+    Where the drive came back to where it had been, they are as known after the drive, not as told on the way.
+    """
     settings = settings or NodeSettings(diff=SURVEY)
     node = VehicleNode(trace.camera, segmenter, settings, start=start, session=session)
-    return run_drive(trace, node, lambda message: None, progress), node.georeference
+    record = run_drive(trace, node, lambda message: None, progress)
+    correct_loops(record, node.slam.loops)
+    return record, node.georeference
 
 
 def integrated(messages: Iterable[bytes], georeference: Georeference | None) -> FeatureMap:

@@ -19,6 +19,7 @@ from autowaze.world.pose import Pose
 
 START_SIGMA_M = 5.0  # of a given start pose, as a satellite receiver has it
 _SMALL_MAP_FEATURES = 60_000  # so many can all be compared with a frame's features in half a second
+_RETRY_FRAMES = 5  # between attempts to find the stored map again while odometry holds
 _MAX_HAMMING = 60
 _RATIO = 0.85
 _ELSEWHERE_M = 1.0  # the second best match must be another place, not a second landmark of the same corner
@@ -43,6 +44,7 @@ class Relocalizer:
         self.settings = settings
         self.landmarks = landmarks
         self.tracker = tracker
+        self._unlocalized_frames = 0
 
     def locate(self, frame: ObservedFrame, rows: NDArray[np.int64]) -> Located | None:
         """Pose of a frame among the landmarks of these rows, or None when it is not found for certain."""
@@ -58,6 +60,24 @@ class Relocalizer:
         located = self.tracker.in_map(frame, T, near, widen=_WIDE)
         located = self.tracker.in_map(frame, located.T_map_cam, near)
         return located if located.n_steering >= self.settings.min_relocalized_inliers else None
+
+    def found_again(self, located: Located, drift_m: float) -> Located | None:
+        """Every few frames in a gap of the stored map: the same frame found in the map, or None.
+
+        Args:
+            located: the frame by odometry. drift_m: standard deviation of its position.
+        """
+        if located.n_stored_inliers >= self.settings.min_stored_inliers:
+            self._unlocalized_frames = 0
+            return None
+        self._unlocalized_frames += 1
+        if self._unlocalized_frames % _RETRY_FRAMES:
+            return None
+        again = self.locate(located.frame, self.stored_rows((located.T_map_cam[:3, 3], 1.0 + drift_m)))
+        if again is None or again.n_stored_inliers < self.settings.min_stored_inliers:
+            return None
+        self._unlocalized_frames = 0
+        return again
 
     def stored_rows(self, prior: PositionPrior | None) -> NDArray[np.int64]:
         """Rows of the stored map to search: near the prior, or all of a small map."""

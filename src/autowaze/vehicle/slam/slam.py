@@ -17,14 +17,13 @@ from autowaze.vehicle.slam.observed_frame import ObservedFrame
 from autowaze.vehicle.slam.pose_uncertainty import PoseUncertainty
 from autowaze.vehicle.slam.relocalizer import START_SIGMA_M, PositionPrior, Relocalizer, prior_of_fix
 from autowaze.vehicle.slam.settings import SlamSettings
-from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
+from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState, judged
 from autowaze.vehicle.slam.tracker import Located, Tracker
 from autowaze.world.camera import StereoCamera
 from autowaze.world.feature_map import FeatureMap, MapFeatures
 from autowaze.world.features import CameraFeatures
 from autowaze.world.pose import Pose, heading_to_rotation, inverse, make_pose
 
-_RETRY_FRAMES = 5  # between attempts to find the stored map again while odometry holds
 _BLIND_STEP_M = 1.0  # assumed per frame while lost
 _UNKNOWN = np.diag([1e6, 1e6, 1e6, 10.0, 10.0, 10.0])
 _MAX_BLIND_FRAMES = 10  # a motion is carried on so long without sight
@@ -82,7 +81,6 @@ class StereoSlam:
         self._count = 0
         self._blind_frames = 0
         self._seeing_but_lost = 0
-        self._unlocalized_frames = 0
 
     def track(
         self,
@@ -225,19 +223,9 @@ class StereoSlam:
         if self._keyframe_policy.wants(located, self._mapper.keyframes[-1:]):
             located = self._made_keyframe(located, timestamp)
         self._last = located
-        state, why = self._judge(located)
-        return TrackedFrame(
-            index=index,
-            timestamp=timestamp,
-            state=state,
-            reason=reason or why,
-            T_map_cam=located.T_map_cam.copy(),
-            covariance=covariance,
-            n_inliers=located.n_inliers,
-            n_stored_inliers=located.n_stored_inliers,
-            landmark_id=located.landmark_id,
-            visible_id=visible_id,
-        )
+        state, why = judged(located.n_stored_inliers, self.settings.min_stored_inliers, self._has_map)
+        told = (located.n_inliers, located.n_stored_inliers, located.landmark_id, visible_id)
+        return TrackedFrame(index, timestamp, state, reason or why, located.T_map_cam.copy(), covariance, *told)
 
     def _made_keyframe(self, located: Located, timestamp: float) -> Located:
         """The frame with the landmarks that were made from it."""
@@ -276,31 +264,14 @@ class StereoSlam:
         self._uncertainty.correct(found.remaining)
         return located.moved(found.motion)
 
-    def _judge(self, located: Located) -> tuple[TrackingState, str]:
-        if not self._has_map:
-            return TrackingState.ODOMETRY, ""
-        if located.n_stored_inliers >= self.settings.min_stored_inliers:
-            return TrackingState.LOCALIZED, ""
-        return TrackingState.ODOMETRY, f"only {located.n_stored_inliers} features of the stored map in view"
-
     def _look_for_stored_map(self, located: Located) -> Located:
         """While odometry bridges a gap of the stored map: find the map again and mend the drift."""
         if not self._has_map:
             return located
-        if located.n_stored_inliers >= self.settings.min_stored_inliers:
-            self._unlocalized_frames = 0
-            return located
-        self._unlocalized_frames += 1
-        if self._unlocalized_frames % _RETRY_FRAMES:
-            return located
-        sigma = 1.0 + float(np.sqrt(np.max(np.diag(self._uncertainty.drift)[:3])))
-        again = self._relocalizer.locate(
-            located.frame, self._relocalizer.stored_rows((located.T_map_cam[:3, 3], sigma))
-        )
-        if again is None or again.n_stored_inliers < self.settings.min_stored_inliers:
+        again = self._relocalizer.found_again(located, float(np.sqrt(np.max(np.diag(self._uncertainty.drift)[:3]))))
+        if again is None:
             return located
         self._mapper.move(again.T_map_cam @ inverse(located.T_map_cam))
-        self._unlocalized_frames = 0
         return again
 
     def _lost(self, frame: ObservedFrame, timestamp: float, index: int, reason: str) -> TrackedFrame:

@@ -75,3 +75,12 @@ class TrackedFrame:
     def is_trustworthy(self) -> bool:
         """Whether the pose may be used: localised or carried by odometry."""
         return self.state in (TrackingState.LOCALIZED, TrackingState.ODOMETRY)
+
+
+def judged(n_stored_inliers: int, needed: int, has_map: bool) -> tuple[TrackingState, str]:
+    """State of a frame whose pose holds, and why it is not localised where there is a stored map."""
+    if not has_map:
+        return TrackingState.ODOMETRY, ""
+    if n_stored_inliers >= needed:
+        return TrackingState.LOCALIZED, ""
+    return TrackingState.ODOMETRY, f"only {n_stored_inliers} features of the stored map in view"

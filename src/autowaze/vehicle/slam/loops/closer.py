@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 from autowaze.vehicle.slam.keyframe import Keyframe
 from autowaze.vehicle.slam.landmarks import Landmarks
 from autowaze.vehicle.slam.loops.adjustment import adjust_places
+from autowaze.vehicle.slam.loops.looking_back import LookingBack, SeenBack
 from autowaze.vehicle.slam.loops.place import Place, remembered
 from autowaze.vehicle.slam.loops.pose_graph import GraphSolution, RelativePoses, optimize_graph
-from autowaze.vehicle.slam.loops.recognition import PlaceIndex
-from autowaze.vehicle.slam.loops.settings import LoopSettings
-from autowaze.vehicle.slam.loops.verification import Loop, verify
+from autowaze.vehicle.slam.loops.verification import Loop
 from autowaze.vehicle.slam.settings import SlamSettings
-from autowaze.vehicle.slam.small_matrices import orthonormal, then
+from autowaze.vehicle.slam.small_matrices import then
 from autowaze.world.camera import StereoCamera
 from autowaze.world.pose import Pose, inverse, make_pose, so3_exp, so3_log
 
@@ -68,7 +67,7 @@ class LoopCloser:
         self.loops: list[Loop] = []
         self.corrections: list[tuple[int, Pose]] = []
         self.closings: list[int] = []
-        self._index = PlaceIndex()
+        self._looking_back = LookingBack(camera, settings)
         self._n_searched = self._n_forgotten = 0
         self._unconfirmed: list[Loop] = []
         self._n_closed = self._n_adjusted = 0  # loops that the poses agree with
@@ -158,7 +157,7 @@ class LoopCloser:
             self._submit(index + s.closing_frames, self._close, optimize_graph, self._poses(), self._known())
         elif self._n_searched < len(self.places):
             places, first = list(self.places), self._n_searched
-            self._submit(index + s.search_frames, self._settle, self._look_back, places, first)
+            self._submit(index + s.search_frames, self._settle, self._looking_back, places, first)
         elif len(self.loops) > self._n_adjusted and len(self.places) > self.loops[-1].later + leave_places:
             due = index + s.adjustment_frames + len(self.places) // s.places_per_frame
             places, loops, T = list(self.places), list(self.loops), self._poses()
@@ -185,52 +184,10 @@ class LoopCloser:
         self._last_place = then(motion, self._last_place)
         return Correction(motion, covariance)
 
-    def _look_back(self, places: list[Place], first: int) -> tuple[int, NDArray[np.float64], list[Loop]]:
-        """The latest places adjusted together, from which on (W, 4, 4), and the loops of those from `first` on."""
-        s = self.settings.loops
-        T = np.stack([place.T_map_cam for place in places])
-        start = max(len(places) - s.n_window, 0)
-        n_held = s.n_held if start else 1
-        window = adjust_places(places[start:], T[start:], [], self.camera, self.settings, n_held, s.window_iterations)
-        # The last ones are held from one side only: they follow, as the odometry has them.
-        firm = max(len(window) - s.n_loose, 1)
-        window[firm:] = window[firm - 1] @ inverse(T[start + firm - 1]) @ T[start + firm :]
-        window[:, :3, :3] = orthonormal(window[:, :3, :3])
-        T[start:] = window
-        return start, window, self._search(places, T, first)
-
-    def _search(self, places: list[Place], T: NDArray[np.float64], first: int) -> list[Loop]:
-        """Loops from the places from `first` on back to earlier ones, the surest of each."""
-        s = self.settings.loops
-        path_m = np.array([place.path_m for place in places])
-        found = []
-        for later in range(first, len(places)):
-            self._index.add(places[later].features.descriptor)
-            loops = [
-                verify(places, earlier, later, s.n_around, s.min_inliers, self.camera, self.settings)
-                for earlier in self._alike(later, _reachable(T, path_m, later, places[later].sigma_m, s))
-            ]
-            found += sorted([loop for loop in loops if loop], key=lambda loop: -loop.n_inliers)[:1]
-        return found
-
-    def _alike(self, later: int, candidates: NDArray[np.int64]) -> list[int]:
-        """The candidates most like a place, neighbours left out, that are as alike as a place seen again is."""
-        s = self.settings.loops
-        if not len(candidates):
-            return []
-        likeness = self._index.likeness(later, candidates)
-        enough = s.min_likeness * self._index.likeness(later, np.array([later - 1]))[0]
-        chosen: list[int] = []
-        for i in np.argsort(-likeness, kind="stable"):
-            apart = all(abs(int(candidates[i]) - other) > s.n_around for other in chosen)
-            if likeness[i] >= enough and apart and len(chosen) < s.n_candidates:
-                chosen.append(int(candidates[i]))
-        return chosen
-
-    def _settle(self, seen: tuple[int, NDArray[np.float64], list[Loop]]) -> None:
+    def _settle(self, seen: SeenBack) -> None:
         """Take over the latest places, and what loops they found."""
         start, window, found = seen
-        self._n_searched = len(self._index)
+        self._n_searched = self._looking_back.n_places
         self._place(start, window)
         self._confirm(found)
 
@@ -289,7 +246,7 @@ class LoopCloser:
         """Places beyond what memory is meant for keep their poses alone."""
         while self._n_forgotten < min(len(self.places) - self.settings.loops.max_places, self._n_searched):
             self.places[self._n_forgotten].forget()
-            self._index.forget(self._n_forgotten)
+            self._looking_back.forget(self._n_forgotten)
             self._n_forgotten += 1
 
 
@@ -300,17 +257,3 @@ def _levelled_onto(T_map_cam: NDArray[np.float64], T_held: NDArray[np.float64]) 
     turn = np.arctan2(np.sum(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]), np.sum(u * v))
     R = so3_exp(np.array([0.0, 0.0, turn]))
     return make_pose(R, b.mean(axis=0) - R @ a.mean(axis=0))
-
-
-def _reachable(
-    T_map_cam: NDArray[np.float64], path_m: NDArray[np.float64], later: int, sigma_m: float, settings: LoopSettings
-) -> NDArray[np.int64]:
-    """Earlier places that a place may be, going by its pose and by how uncertain that is."""
-    earlier = T_map_cam[:later]
-    offset = np.linalg.norm(earlier[:, :3, 3] - T_map_cam[later, :3, 3], axis=1)
-    cosine = earlier[:, :3, 2] @ T_map_cam[later, :3, 2]
-    return np.flatnonzero(
-        (path_m[later] - path_m[:later] > settings.min_path_m)
-        & (offset < settings.view_m + 3.0 * sigma_m)
-        & (cosine > np.cos(settings.max_turn_rad))
-    )

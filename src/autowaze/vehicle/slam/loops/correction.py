@@ -48,11 +48,16 @@ class DriveCorrection:
         moved[:, :3, :3] = self._motion[before, :3, :3] @ part @ self._smooth[:, :3, :3]
         return moved
 
-    def points(self, points: NDArray[np.float64], frame: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Map points (M, 3) as they were told at these frames (M,), counted from 0, where they are known to be now."""
-        taken_back = inverse(self._jump[frame])
-        smooth = np.einsum("nij,nj->ni", taken_back[:, :3, :3], points) + taken_back[:, :3, 3]
-        return self._blended(*self._around(frame), smooth) if len(self._at) else smooth
+    def points(self, points: NDArray[np.float64], seen: NDArray[np.int64], told: int) -> NDArray[np.float64]:
+        """Map points (M, 3) where they are known to be now.
+
+        Args:
+            points: as they were told at one frame.
+            seen: (M,) frames, counted from 0, from which they were seen. told: that frame.
+        """
+        taken_back = inverse(self._jump[told])
+        smooth = points @ taken_back[:3, :3].T + taken_back[:3, 3]
+        return self._blended(*self._around(seen), smooth) if len(self._at) else smooth
 
     def _around(self, frame: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
         """The places before and after frames, and how much the latter counts (M,)."""

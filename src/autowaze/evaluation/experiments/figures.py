@@ -36,7 +36,7 @@ def png_of(figure: Figure) -> bytes:
 
 def draw_scores(scores: Mapping[str, Scores], thesis: Mapping[str, tuple[float, float, float]]) -> bytes:
     """Precision, recall and accuracy by method with 95 % intervals; crosses are what the thesis printed."""
-    figure = new_figure(9.0, 3.6)
+    figure = new_figure(9.0, 3.8)
     axes = figure.add_subplot()
     x = np.arange(len(scores))
     for column, (name, colour) in enumerate(COLOURS.items()):
@@ -50,9 +50,9 @@ def draw_scores(scores: Mapping[str, Scores], thesis: Mapping[str, tuple[float, 
         label = "thesis" if column == 0 else None
         if printed:
             axes.scatter(*np.array(printed).T, marker="x", color="#a50026", zorder=3, label=label)
-    axes.set_xticks(x, list(scores))
-    axes.set_ylim(0.0, 1.03)
-    axes.legend(loc="lower right", fontsize=8, ncols=4)
+    axes.set_xticks(x, [name.replace(", ", ",\n") for name in scores], fontsize=8)
+    axes.set_ylim(0.0, 1.14)
+    axes.legend(loc="upper left", fontsize=8, ncols=4)
     return png_of(figure)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -25,9 +26,15 @@ _SESSION = 1 << 21
 
 @dataclass
 class StageTable:
-    """Milliseconds by stage, of every frame or diff."""
+    """Milliseconds by stage, of every frame or diff.
+
+    Attributes:
+        others_busy: processes that wanted a core when it began, on average over the minute before; times of a machine
+            that does other things too are longer.
+    """
 
     milliseconds: dict[str, list[float]] = field(default_factory=dict)
+    others_busy: float = 0.0
 
     def add(self, prefix: str, stages: dict[str, list[float]]) -> None:
         """Take in more of some stages."""
@@ -44,7 +51,7 @@ class StageTable:
 
     def metrics(self) -> dict[str, float]:
         """Flat names for reports."""
-        out: dict[str, float] = {}
+        out: dict[str, float] = {"load_average": self.others_busy}
         for name, (median, p95) in self.summary().items():
             key = name.replace(_CLOUD, "cloud_").replace(",", "").replace(" ", "_")
             out |= {f"{key}_ms_median": median, f"{key}_ms_p95": p95}
@@ -55,7 +62,7 @@ def measure_latency(
     traces: Sequence[Trace], spots: ParkingMap, base_map: FeatureMap, segmenter: Segmenter, progress: Progress
 ) -> StageTable:
     """Drive traces of one street with a service in the same process; some frames before the clock counts."""
-    table = StageTable()
+    table = StageTable(others_busy=os.getloadavg()[0])
     for number, trace in enumerate(traces):
         start = starting_point(trace, spots, Start.GNSS)
         if number == 0:

@@ -82,8 +82,10 @@ class Report:
         blocks: list[Block] = [
             Text(
                 "Milliseconds; stages of the car per frame, of the cloud per diff. Segmentation runs beside the "
-                "features. End to end is from the last frame of a window to the published update, all in one process."
+                "features. End to end is from the last frame of a window to the published update, all in one process. "
+                f"When this began, {table.others_busy:.1f} processes wanted a core."
             ),
+            Text(_where_time_goes(summary)),
             Table(("stage", "median", "p95", "thesis, sec. 4.3"), rows, strong),
             Picture("latency", draw_stages(summary, END_TO_END_MS), "Milliseconds by stage; the line is at 100 ms"),
         ]
@@ -167,6 +169,17 @@ class Report:
                 ),
             ],
         )
+
+
+def _where_time_goes(summary: Mapping[str, tuple[float, float]]) -> str:
+    """The longest parts of a window's last frame, in words."""
+    one_by_one = {stage: median for stage, (median, _) in summary.items() if stage != END_TO_END}
+    shorter = min(("segmentation", "features"), key=lambda stage: one_by_one.get(stage, 0.0))
+    one_by_one.pop(shorter, None)  # runs beside the other
+    whole = sum(one_by_one.values())
+    longest = sorted(one_by_one, key=lambda stage: -one_by_one[stage])[:4]
+    parts = ", ".join(f"{stage} {one_by_one[stage] / whole:.0%}" for stage in longest)
+    return f"Of {whole:.0f} ms, the medians of what runs one after the other: {parts}."
 
 
 def command_line(parts: list[str]) -> str:

@@ -21,7 +21,8 @@ from autowaze.world.identity import feature_ids
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.parking import ParkingMap
 from autowaze.world.raster_codec import BLOCK
-from autowaze.world.wire import VERSION, encode_diff
+from autowaze.world.wire import VERSION, body_of, encode_diff
+from autowaze.world.wire_rows import encode_trajectory
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "cloud"))
 from street import GEOREFERENCE, WINDOW_S, Street, features
@@ -93,9 +94,10 @@ class Fleet:
         return pb.Envelope(version=VERSION, body=body).SerializeToString()
 
     def _move(self, message: pb.SemanticMapDiff, diff: SemanticMapDiff, east: float, north: float) -> None:
-        for part, position in ((message.new, diff.new.position), (message.trajectory, diff.trajectory.position)):
-            part.x = pack_integers(np.round((position[:, 0] + east) * 100), delta=True)
-            part.y = pack_integers(np.round((position[:, 1] + north) * 100), delta=True)
+        message.new.x = pack_integers(np.round((diff.new.position[:, 0] + east) * 100), delta=True)
+        message.new.y = pack_integers(np.round((diff.new.position[:, 1] + north) * 100), delta=True)
+        path = replace(diff.trajectory, position=diff.trajectory.position + np.array([east, north, 0.0]))
+        message.trajectory.CopyFrom(encode_trajectory(path, diff.start))
         message.ground.x += round(east / SQUARE_M)
         message.ground.y += round(north / SQUARE_M)
 
@@ -132,10 +134,7 @@ def _window(diff: SemanticMapDiff, arrived: list[int], rng: np.random.Generator)
     new.id = feature_ids(diff.session, diff.sequence, len(new))
     instances = diff.instances[np.isin(diff.instances.id, arrived)]
     second_pass = replace(diff, new=new, instances=instances, ground=ground)
-    envelope, message = pb.Envelope(), pb.SemanticMapDiff()
-    envelope.ParseFromString(encode_diff(second_pass))
-    message.ParseFromString(zstandard.decompress(envelope.body))
-    return _Window(message, second_pass)
+    return _Window(pb.SemanticMapDiff.FromString(body_of(encode_diff(second_pass))), second_pass)
 
 
 def _static_features(diff: SemanticMapDiff, rng: np.random.Generator) -> MapFeatures:

@@ -3,7 +3,7 @@
 import random
 
 from autowaze.world import wire_pb2 as pb
-from autowaze.world.wire import decode_diff, encode_diff
+from autowaze.world.wire import body_of, decode_diff, encode_diff
 
 COUNT = 1500
 
@@ -12,10 +12,8 @@ def damaged(payload, rng):
     """The diff with its message hurt inside a sound envelope, or the envelope itself hurt."""
     import zstandard
 
-    envelope = pb.Envelope()
-    envelope.ParseFromString(payload)
     inside = rng.random() < 0.7
-    hurt = bytearray(zstandard.decompress(envelope.body) if inside else payload)
+    hurt = bytearray(body_of(payload) if inside else payload)
     for _ in range(rng.randint(1, 6)):
         start = rng.randrange(len(hurt))
         if rng.random() < 0.6:

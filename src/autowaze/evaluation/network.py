@@ -15,7 +15,7 @@ from autowaze.evaluation.drive import DriveRecord
 from autowaze.vehicle.tile_follower import FETCHED_AROUND_M, MOST_TILES
 from autowaze.world import wire_pb2 as pb
 from autowaze.world.tiles import Tile, tiles_around
-from autowaze.world.wire import encode_map_update
+from autowaze.world.wire import body_of, encode_map_update
 
 THESIS_FIGURES = {"diff_bytes_min": 1_000.0, "diff_bytes_max": 60_000.0}
 """Of a window of 5 s at 10 frames a second (sec. 4.5), to be shown beside ours."""
@@ -66,8 +66,7 @@ def content_bytes(message: bytes) -> dict[str, float]:
     One zstd frame holds them all, so each content is packed by itself and its size scaled, such that all of them add
     up to the message. The rest is the header, moving objects and what encloses the message.
     """
-    envelope = pb.Envelope.FromString(message)
-    body = zstandard.ZstdDecompressor().decompress(envelope.body)
+    body = body_of(message)
     parts = dict.fromkeys(CONTENTS, b"")
     diff = pb.SemanticMapDiff.FromString(body)
     for descriptor, _ in diff.ListFields():
@@ -79,7 +78,6 @@ def content_bytes(message: bytes) -> dict[str, float]:
     packer = zstandard.ZstdCompressor(level=_ZSTD_LEVEL, write_content_size=False)
     empty = len(packer.compress(b""))
     packed = {name: max(len(packer.compress(part)) - empty, 0) for name, part in parts.items()}
-    packed[_REST] += len(message) - len(envelope.body)
     scale = len(message) / max(sum(packed.values()), 1)
     return {name: scale * size for name, size in packed.items()}
 

@@ -1,4 +1,4 @@
-"""The ground that a window saw: votes of its frames, and what they come to."""
+"""The ground that a car saw: votes of its frames, what they come to, and when that is told."""
 
 from __future__ import annotations
 
@@ -14,29 +14,54 @@ from autowaze.world.raster_codec import BLOCK, MAX_SEEN_SQUARES, MAX_SQUARES
 
 REACH_M = 0.5
 """Ground so near to a spot is told of: a spot may be drawn, and a car localised, that far off."""
+PASSED_M = 4.0
+"""Ground so little ahead of a camera has left its view, or is about to."""
+HELD_WINDOWS = 2
+"""Ground ahead is told of when so many more windows have ended, if the car has not passed it by then."""
+_MOST_UNCOUNTED = 64
 _MOST_CELLS_ACROSS = BLOCK * int(np.sqrt(MAX_SQUARES))
 
 
 class GroundGrid:
-    """Votes of the frames of a window.
+    """Votes of frames since they were told of last.
 
     Args:
         area: where anybody wants to know of the ground, map metres; None for everywhere.
     """
 
     def __init__(self, area: shapely.Geometry | None = None) -> None:
-        self._area = area
+        self.area = area
         self._cells = GroundCells.empty()
+        self._windows = np.zeros(0, np.int64)
+        self._frames: list[GroundCells] = []
 
     def add(self, observation: GroundObservation) -> None:
         """Count one frame's cells."""
-        seen = GroundCells(
-            observation.ix, observation.iy, observation.free.astype(np.uint16), observation.obstacle.astype(np.uint16)
-        )
-        self._cells = _merge(GroundCells.concatenate([self._cells, seen]))
+        free, obstacle = observation.free.astype(np.uint16), observation.obstacle.astype(np.uint16)
+        self._frames.append(GroundCells(observation.ix, observation.iy, free, obstacle))
+        if len(self._frames) >= _MOST_UNCOUNTED:
+            self._count()
+
+    def tell(self, position: NDArray[np.float64], heading: float) -> GroundCells:
+        """As `classes`, of what lies beside and behind a car; what lies ahead waits until it has been passed.
+
+        The car sees it again from nearer, and then tells of it once and better. Nothing waits longer than for the ends
+        of two more windows. What is told of is forgotten.
+
+        Args:
+            position: (2,) of the car at the end of a window, map metres.
+            heading: where it looks, clockwise from north, radians.
+        """
+        classes = self.classes()
+        forward = np.array([np.sin(heading), np.cos(heading)])
+        waits = ((self._cells.centre - position) @ forward > PASSED_M) & (self._windows < HELD_WINDOWS)
+        told = ~np.isin(_keys(classes), _keys(self._cells[waits]))
+        self._cells, self._windows = self._cells[waits], self._windows[waits] + 1
+        return classes[told]
 
     def cells(self) -> GroundCells:
         """Votes so far, sorted by ix, then iy."""
+        self._count()
         return self._cells
 
     def classes(self) -> GroundCells:
@@ -44,7 +69,7 @@ class GroundGrid:
 
         A lone cell that differs from all around it is noise of stereo, and noise is what costs bytes.
         """
-        cells = self._cells
+        cells = self.cells()
         if len(cells) == 0:
             return cells
         x, y = int(cells.ix.min()), int(cells.iy.min())
@@ -61,9 +86,18 @@ class GroundGrid:
         is_obstacle = smooth[iy, ix] > 1
         votes = (~is_obstacle).astype(np.uint16), is_obstacle.astype(np.uint16)
         classed = GroundCells((ix + x).astype(np.int32), (iy + y).astype(np.int32), *votes)
-        if self._area is not None:
-            classed = classed[np.asarray(shapely.contains_xy(self._area, *classed.centre.T))]
+        if self.area is not None:
+            classed = classed[np.asarray(shapely.contains_xy(self.area, *classed.centre.T))]
         return _within_the_limit(classed)
+
+    def _count(self) -> None:
+        if not self._frames:
+            return
+        before, windows = self._cells, self._windows
+        self._cells = _merge(GroundCells.concatenate([before, *self._frames]))
+        self._windows = np.zeros(len(self._cells), np.int64)
+        self._windows[np.searchsorted(_keys(self._cells), _keys(before))] = windows
+        self._frames = []
 
 
 def ground_that_matters(spots: ParkingMap) -> shapely.Geometry:
@@ -73,14 +107,18 @@ def ground_that_matters(spots: ParkingMap) -> shapely.Geometry:
     return area
 
 
+def _keys(cells: GroundCells) -> NDArray[np.int64]:
+    """One number (N,) per cell, ascending by ix, then iy."""
+    return (cells.ix.astype(np.int64) << 32) + cells.iy
+
+
 def _merge(cells: GroundCells) -> GroundCells:
     """One row per cell, votes added."""
-    key = (cells.ix.astype(np.int64) << 32) | (cells.iy.astype(np.int64) & 0xFFFFFFFF)
+    key = _keys(cells)
     unique, first, inverse = np.unique(key, return_index=True, return_inverse=True)
     free = np.bincount(inverse, cells.free, len(unique)).astype(np.uint16)
     obstacle = np.bincount(inverse, cells.obstacle, len(unique)).astype(np.uint16)
-    merged = GroundCells(cells.ix[first], cells.iy[first], free, obstacle)
-    return merged[np.lexsort((merged.iy, merged.ix))]
+    return GroundCells(cells.ix[first], cells.iy[first], free, obstacle)
 
 
 def _around_the_middle(cells: GroundCells) -> GroundCells:

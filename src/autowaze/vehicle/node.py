@@ -172,7 +172,7 @@ class VehicleNode:
         if self._frames == 0:
             return None
         self.slam.finish()
-        return self._closed_window() if self.window.start is not None else None
+        return None if self.window.is_told else self._closed_window(last=True)
 
     def _begin(self, frame: StereoFrame) -> None:
         """Set out from what is known: the stored map, the start, the first fix."""
@@ -192,9 +192,9 @@ class VehicleNode:
         )
         self.window = DiffWindow(self.camera, self.session, self.settings.diff, stored, self.georeference, self._spots)
 
-    def _closed_window(self) -> SemanticMapDiff:
+    def _closed_window(self, last: bool = False) -> SemanticMapDiff:
         """The window's diff; the next one may be of another session."""
-        diff = self.window.close(self.slam.landmarks)
+        diff = self.window.close(self.slam.landmarks, last)
         if self.window.is_session_over:
             self.sessions.append(self._draw())
             self.window.begin_session(self.session)

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from autowaze.world import wire_pb2 as pb
 from autowaze.world.column_codec import pack_integers, unpack_integers
-from autowaze.world.errors import AutowazeError, WireError
+from autowaze.world.errors import WireError
 from autowaze.world.feature_map import FeatureMap
-from autowaze.world.georeference import Georeference
 from autowaze.world.identity import (
     MAX_FEATURES_PER_DIFF,
     MAX_INSTANCE,
@@ -35,16 +34,21 @@ from autowaze.world.wire_columns import (
     decode_features,
     decode_ground,
     decode_instances,
-    decode_traffic,
-    decode_trajectory,
     encode_features,
     encode_ground,
     encode_instances,
+)
+from autowaze.world.wire_rows import (
+    decode_georeference,
+    decode_traffic,
+    decode_trajectory,
+    encode_georeference,
     encode_traffic,
     encode_trajectory,
 )
 
-VERSION = 1
+VERSION = 2
+READABLE = (1, 2)
 MAX_MESSAGE_BYTES = 1 << 20
 """A diff larger than this is refused unread; typical ones are 5 KB."""
 MAX_BODY_BYTES = 4 << 20
@@ -64,7 +68,7 @@ def encode_diff(diff: SemanticMapDiff) -> bytes:
         start=diff.start,
         end=diff.end,
         map_version=diff.map_version,
-        georeference=_encode_georeference(diff.georeference),
+        georeference=encode_georeference(diff.georeference),
         frames=diff.frames,
         localized_frames=diff.localized_frames,
         position_sigma_mm=round(diff.position_sigma_m * 1000),
@@ -89,7 +93,7 @@ def decode_diff(data: bytes) -> SemanticMapDiff:
         WireError: they are no diff, of an unknown version, or a value is out of range.
     """
     message = pb.SemanticMapDiff()
-    _parse(message, _open(data, MAX_MESSAGE_BYTES, MAX_BODY_BYTES))
+    _parse(message, body_of(data))
     _check_header(message)
     new, instance = decode_features(message.new, MAX_FEATURES_PER_DIFF, MAX_INSTANCE - 1, message.start)
     new.id = feature_ids(message.session, message.sequence, len(new))
@@ -100,7 +104,7 @@ def decode_diff(data: bytes) -> SemanticMapDiff:
         start=message.start,
         end=message.end,
         map_version=message.map_version,
-        georeference=_decode_georeference(message),
+        georeference=decode_georeference(message),
         frames=message.frames,
         localized_frames=message.localized_frames,
         position_sigma_m=message.position_sigma_mm / 1000,
@@ -111,6 +115,11 @@ def decode_diff(data: bytes) -> SemanticMapDiff:
         traffic=decode_traffic(message.traffic),
         trajectory=decode_trajectory(message.trajectory, message.start),
     )
+
+
+def body_of(data: bytes) -> bytes:
+    """The message in the envelope of a diff, as protobuf; raises `WireError` as `decode_diff` does."""
+    return _open(data, MAX_MESSAGE_BYTES, MAX_BODY_BYTES)
 
 
 def encode_map(feature_map: FeatureMap) -> bytes:
@@ -157,7 +166,7 @@ def _encode_map(feature_map: FeatureMap) -> pb.FeatureMap:
     return pb.FeatureMap(
         version=feature_map.version,
         epoch=epoch,
-        georeference=_encode_georeference(feature_map.georeference),
+        georeference=encode_georeference(feature_map.georeference),
         features=encode_features(features, index, epoch),
         id=pack_integers(features.id.astype(np.int64), delta=True),
         instance_count=len(keys),
@@ -175,7 +184,7 @@ def _decode_map(message: pb.FeatureMap, most_features: int = MAX_MAP_FEATURES) -
     if (np.diff(features.id.astype(np.int64)) <= 0).any():
         raise WireError("id: ids are not in ascending order")
     features.instance_key = keys[index] if len(features) else np.zeros(0, np.uint64)
-    return FeatureMap(features, _decode_georeference(message), message.version)
+    return FeatureMap(features, decode_georeference(message), message.version)
 
 
 def _decode_removed(packed: bytes, count: int, most: int) -> NDArray[np.uint64]:
@@ -187,7 +196,9 @@ def _decode_removed(packed: bytes, count: int, most: int) -> NDArray[np.uint64]:
 
 def _seal(body: bytes) -> bytes:
     packed = zstandard.ZstdCompressor(level=_ZSTD_LEVEL, write_content_size=True).compress(body)
-    return pb.Envelope(version=VERSION, body=packed).SerializeToString(deterministic=True)
+    if len(packed) < len(body):
+        return pb.Envelope(version=VERSION, body=packed).SerializeToString(deterministic=True)
+    return pb.Envelope(version=VERSION, plain=body).SerializeToString(deterministic=True)
 
 
 def _open(data: bytes, max_bytes: int, max_body: int) -> bytes:
@@ -195,8 +206,12 @@ def _open(data: bytes, max_bytes: int, max_body: int) -> bytes:
         raise WireError(f"message of {len(data)} bytes, {max_bytes} is the limit")
     envelope = pb.Envelope()
     _parse(envelope, data)
-    if envelope.version != VERSION:
-        raise WireError(f"wire format version {envelope.version}, this reader knows {VERSION}")
+    if envelope.version not in READABLE:
+        raise WireError(f"wire format version {envelope.version}, this reader knows {READABLE[0]} to {VERSION}")
+    if envelope.plain:
+        if envelope.body or len(envelope.plain) > max_body:
+            raise WireError(f"plain body of {len(envelope.plain)} bytes, {max_body} is the limit, beside a packed one")
+        return envelope.plain
     try:
         size = zstandard.frame_content_size(envelope.body)
         if not 0 <= size <= max_body:
@@ -223,21 +238,3 @@ def _check_header(message: pb.SemanticMapDiff) -> None:
         raise WireError("more localized frames than frames")
     if message.map_version >= 1 << 63:
         raise WireError("map_version out of range")
-
-
-def _encode_georeference(georeference: Georeference | None) -> pb.Georeference | None:
-    if georeference is None:
-        return None
-    return pb.Georeference(
-        lat_deg=georeference.lat_deg, lon_deg=georeference.lon_deg, altitude_m=georeference.altitude_m
-    )
-
-
-def _decode_georeference(message: pb.SemanticMapDiff | pb.FeatureMap) -> Georeference | None:
-    if not message.HasField("georeference"):
-        return None
-    g = message.georeference
-    try:
-        return Georeference(g.lat_deg, g.lon_deg, g.altitude_m)
-    except AutowazeError as error:
-        raise WireError(str(error)) from error

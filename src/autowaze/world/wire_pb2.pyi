@@ -20,16 +20,20 @@ class Envelope(google.protobuf.message.Message):
 
     VERSION_FIELD_NUMBER: builtins.int
     BODY_FIELD_NUMBER: builtins.int
+    PLAIN_FIELD_NUMBER: builtins.int
     version: builtins.int
     body: builtins.bytes
-    """zstd frame of one SemanticMapDiff or FeatureMap"""
+    """zstd frame of one SemanticMapDiff, FeatureMap or MapUpdate"""
+    plain: builtins.bytes
+    """from version 2 on instead of the body: the same not packed, where that is shorter"""
     def __init__(
         self,
         *,
         version: builtins.int = ...,
         body: builtins.bytes = ...,
+        plain: builtins.bytes = ...,
     ) -> None: ...
-    def ClearField(self, field_name: typing.Literal["body", b"body", "version", b"version"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["body", b"body", "plain", b"plain", "version", b"version"]) -> None: ...
 
 global___Envelope = Envelope
 
@@ -40,17 +44,29 @@ class Georeference(google.protobuf.message.Message):
     LAT_DEG_FIELD_NUMBER: builtins.int
     LON_DEG_FIELD_NUMBER: builtins.int
     ALTITUDE_M_FIELD_NUMBER: builtins.int
+    LAT_E7_FIELD_NUMBER: builtins.int
+    LON_E7_FIELD_NUMBER: builtins.int
+    ALTITUDE_CM_FIELD_NUMBER: builtins.int
     lat_deg: builtins.float
     lon_deg: builtins.float
     altitude_m: builtins.float
+    lat_e7: builtins.int
+    """From version 2 on instead of the above, where they say exactly the same.
+    1e-7 degrees
+    """
+    lon_e7: builtins.int
+    altitude_cm: builtins.int
     def __init__(
         self,
         *,
         lat_deg: builtins.float = ...,
         lon_deg: builtins.float = ...,
         altitude_m: builtins.float = ...,
+        lat_e7: builtins.int = ...,
+        lon_e7: builtins.int = ...,
+        altitude_cm: builtins.int = ...,
     ) -> None: ...
-    def ClearField(self, field_name: typing.Literal["altitude_m", b"altitude_m", "lat_deg", b"lat_deg", "lon_deg", b"lon_deg"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["altitude_cm", b"altitude_cm", "altitude_m", b"altitude_m", "lat_deg", b"lat_deg", "lat_e7", b"lat_e7", "lon_deg", b"lon_deg", "lon_e7", b"lon_e7"]) -> None: ...
 
 global___Georeference = Georeference
 
@@ -193,6 +209,7 @@ class Traffic(google.protobuf.message.Message):
     Y_FIELD_NUMBER: builtins.int
     VX_FIELD_NUMBER: builtins.int
     VY_FIELD_NUMBER: builtins.int
+    ROWS_FIELD_NUMBER: builtins.int
     count: builtins.int
     id: builtins.bytes
     label: builtins.bytes
@@ -202,6 +219,8 @@ class Traffic(google.protobuf.message.Message):
     vx: builtins.bytes
     """centimetres per second"""
     vy: builtins.bytes
+    rows: builtins.bytes
+    """from version 2 on instead of the columns: see docs/wire-format.md"""
     def __init__(
         self,
         *,
@@ -212,8 +231,9 @@ class Traffic(google.protobuf.message.Message):
         y: builtins.bytes = ...,
         vx: builtins.bytes = ...,
         vy: builtins.bytes = ...,
+        rows: builtins.bytes = ...,
     ) -> None: ...
-    def ClearField(self, field_name: typing.Literal["count", b"count", "id", b"id", "label", b"label", "vx", b"vx", "vy", b"vy", "x", b"x", "y", b"y"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["count", b"count", "id", b"id", "label", b"label", "rows", b"rows", "vx", b"vx", "vy", b"vy", "x", b"x", "y", b"y"]) -> None: ...
 
 global___Traffic = Traffic
 
@@ -227,6 +247,7 @@ class Trajectory(google.protobuf.message.Message):
     Y_FIELD_NUMBER: builtins.int
     Z_FIELD_NUMBER: builtins.int
     HEADING_FIELD_NUMBER: builtins.int
+    ROWS_FIELD_NUMBER: builtins.int
     count: builtins.int
     time: builtins.bytes
     """milliseconds after `start`"""
@@ -236,6 +257,8 @@ class Trajectory(google.protobuf.message.Message):
     z: builtins.bytes
     heading: builtins.bytes
     """1/65536 turn"""
+    rows: builtins.bytes
+    """from version 2 on instead of the columns: see docs/wire-format.md"""
     def __init__(
         self,
         *,
@@ -245,8 +268,9 @@ class Trajectory(google.protobuf.message.Message):
         y: builtins.bytes = ...,
         z: builtins.bytes = ...,
         heading: builtins.bytes = ...,
+        rows: builtins.bytes = ...,
     ) -> None: ...
-    def ClearField(self, field_name: typing.Literal["count", b"count", "heading", b"heading", "time", b"time", "x", b"x", "y", b"y", "z", b"z"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["count", b"count", "heading", b"heading", "rows", b"rows", "time", b"time", "x", b"x", "y", b"y", "z", b"z"]) -> None: ...
 
 global___Trajectory = Trajectory
 

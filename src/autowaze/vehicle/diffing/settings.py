@@ -32,7 +32,8 @@ class DiffSettings(BaseModel):
             stored one is no news.
         enough_stored: a frame that finds so many standing features of the map needs no more of them there: what only
             such frames saw is no news. Three times what a pose needs to be sure of itself.
-        trajectory_interval_s: time between points of the trajectory.
+        trajectory_interval_s: time between points of the trajectory, at the least.
+        trajectory_tolerance_m: points that even motion between others foretells so well are left out.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -56,3 +57,4 @@ class DiffSettings(BaseModel):
     spread_m: float = Field(default=0.5, gt=0)
     enough_stored: int = Field(default=150, ge=0)
     trajectory_interval_s: float = Field(default=1.0, gt=0)
+    trajectory_tolerance_m: float = Field(default=0.25, ge=0)

@@ -24,6 +24,7 @@ from autowaze.world.errors import AutowazeError
 from autowaze.world.feature_map import FeatureMap, MapFeatures
 from autowaze.world.features import CameraFeatures
 from autowaze.world.georeference import Georeference
+from autowaze.world.ground import GroundCells
 from autowaze.world.identity import MAX_FEATURES_PER_DIFF, MAX_SEQUENCE, feature_ids, instance_keys
 from autowaze.world.instances import Tracks
 from autowaze.world.labels import is_movable, is_vehicle
@@ -72,13 +73,19 @@ class DiffWindow:
         self._sent = np.zeros(0, np.int64)
         self._removed = np.zeros(0, np.uint64)
         self.looked_for = LookedFor.empty()
-        self._ground_area = self._area_of(spots)
+        self._ground = GroundGrid(self._area_of(spots))
+        self._place: tuple[NDArray[np.float64], float] | None = None
         self._open()
 
     @property
     def start(self) -> float | None:
         """Time of the window's first frame; None while it is empty."""
         return self._times[0] if self._times else None
+
+    @property
+    def is_told(self) -> bool:
+        """Whether nothing is left to tell: no frame since the last window, and no ground that waits to be passed."""
+        return self.start is None and len(self._ground.classes()) == 0
 
     @property
     def is_complete(self) -> bool:
@@ -111,8 +118,7 @@ class DiffWindow:
         """Tell of the ground at these spots from here on; raises `AutowazeError` in the middle of a window."""
         if self._times:
             raise AutowazeError("the spots can change between two windows only")
-        self._ground_area = self._area_of(spots)
-        self._open()
+        self._ground.area = self._area_of(spots)
 
     def _area_of(self, spots: ParkingMap | None) -> shapely.Geometry | None:
         """The ground to tell of; all if the spots are not known, or in another map frame."""
@@ -135,11 +141,14 @@ class DiffWindow:
             if observation.ground is not None:  # without dense depth nobody knows what is hidden
                 self._stored_watch.add(tracked, observation.features, observation.ground, landmarks)
 
-    def close(self, landmarks: Landmarks) -> SemanticMapDiff:
-        """The window's diff; the next window opens."""
+    def close(self, landmarks: Landmarks, last: bool = False) -> SemanticMapDiff:
+        """The window's diff; the next window opens, unless it was the last: then nothing is left to be told later."""
+        if not self._times and self._place is not None:  # what waited is told from where the car came to
+            self._times.append(self._session_ended)
+            self._path.append((self._session_ended, *self._place))
         removed = self._removed_ids(landmarks)
         self._removed = np.union1d(self._removed, removed)
-        ground = self._ground.classes()
+        ground = self._told_ground(last)
         new, sent = self._new_features(landmarks, len(ground))
         self._sent = np.union1d(self._sent, sent)
         positions = self._path_positions()
@@ -173,19 +182,28 @@ class DiffWindow:
         self._localized = 0
         self._found = FoundLandmarks(self.camera)
         self._stored_watch = StoredFeatureWatch(self._stored.features, self.settings.known_radius_m)
-        self._ground = GroundGrid(self._ground_area)
         self._instances = InstanceRecord(self.session)
+
+    def _told_ground(self, last: bool) -> GroundCells:
+        if last:
+            return self._ground.classes()
+        if not self._path or self._place is None:
+            return GroundCells.empty()
+        position, heading = self._place
+        return self._ground.tell(position[:2], heading)
 
     def _note_path(self, tracked: TrackedFrame) -> None:
         self._sigmas.append(_position_sigma(tracked))
+        self._place = tracked.T_map_cam[:3, 3].copy(), heading_of(tracked.T_map_cam)
         if not self._path or tracked.timestamp >= self._path[-1][0] + self.settings.trajectory_interval_s - 1e-6:
-            self._path.append((tracked.timestamp, tracked.T_map_cam[:3, 3].copy(), heading_of(tracked.T_map_cam)))
+            self._path.append((tracked.timestamp, *self._place))
 
     def _path_positions(self) -> Trajectory:
         if not self._path:
             return Trajectory.empty()
         times, positions, headings = zip(*self._path, strict=True)
-        return Trajectory(np.array(times), np.array(positions), np.array(headings, dtype=np.float32))
+        path = Trajectory(np.array(times), np.array(positions), np.array(headings, dtype=np.float32))
+        return path[_turning_points(path, self.settings.trajectory_tolerance_m)]
 
     def _is_map_thin(self, tracked: TrackedFrame, features: CameraFeatures, landmarks: Landmarks) -> bool:
         """Whether a frame found fewer standing features of the stored map than others need to localise well."""
@@ -247,6 +265,18 @@ class DiffWindow:
         path = np.array([position[:2] for _, position, _ in self._path])
         low, high = path.min(axis=0) - _NEAR_PATH_M, path.max(axis=0) + _NEAR_PATH_M
         return np.asarray(((features.position[:, :2] > low) & (features.position[:, :2] < high)).all(axis=1))
+
+
+def _turning_points(path: Trajectory, tolerance_m: float) -> NDArray[np.int64]:
+    """Rows of a path that tell of the rest: even motion from one to the next misses none by more than the tolerance."""
+    kept = [0]
+    for row in range(2, len(path)):
+        first = kept[-1]
+        share = (path.time[first:row] - path.time[first]) / (path.time[row] - path.time[first])
+        even = path.position[first] + share[:, None] * (path.position[row] - path.position[first])
+        if np.linalg.norm(even - path.position[first:row], axis=1).max() > tolerance_m:
+            kept.append(row - 1)
+    return np.unique([*kept, len(path) - 1])
 
 
 def _position_sigma(tracked: TrackedFrame) -> float:

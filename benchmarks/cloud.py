@@ -1,4 +1,9 @@
-"""What a diff costs the cloud, on one street and in a city."""
+"""What a diff costs the cloud: on one street, among 100 and 100,000 spots, and with ten million features besides.
+
+python -m benchmarks cloud
+
+Ten million features take 1.1 GB, and as much again while the city's map is put together.
+"""
 
 from __future__ import annotations
 
@@ -25,21 +30,25 @@ from street import GEOREFERENCE, Street
 
 STREET = Street()
 PASSES = 40
-CITY_STREETS, CITY_FEATURES = 6667, 10_000_000
+TOWN_SPOTS, CITY_SPOTS, CITY_FEATURES = 100, 100_000, 10_000_000
 BLOCK_M = 130.0
 BASE_SESSION = 999
+TURNS = 3
+TOTAL = "integrate_and_occupancy_ms_median"
 
 
-def city_spots() -> ParkingMap:
-    """The street at the origin and thousands of copies of it around."""
-    side = int(np.ceil(np.sqrt(CITY_STREETS)))
+def city_spots(count: int) -> ParkingMap:
+    """The street at the origin and copies of it around, so many spots in all."""
+    own = STREET.parking_map.spots
+    blocks = -(-count // len(own))
+    side = int(np.ceil(np.sqrt(blocks)))
     spots = []
-    for block in range(CITY_STREETS):
+    for block in sorted(range(blocks), key=lambda b: b != side // 2 * side + side // 2):  # the origin's own first
         column, row = block % side - side // 2, block // side - side // 2
-        for spot in STREET.parking_map.spots:
+        for spot in own:
             moved = translate(spot.polygon, column * BLOCK_M, row * BLOCK_M)
             spots.append(replace(spot, id=f"{column}/{row}/{spot.id}", polygon=moved))
-    return ParkingMap(tuple(spots), GEOREFERENCE)
+    return ParkingMap(tuple(spots[:count]), GEOREFERENCE)
 
 
 def city_map(count: int) -> FeatureMap:
@@ -87,19 +96,34 @@ def measure(service: CloudService, payloads: list[bytes], clock: Callable[[], fl
     total = np.sum([values for stage, values in times.items() if stage != "decode"], axis=0)
     medians = {f"{stage}_ms_median": round(float(np.median(values)), 3) for stage, values in times.items()}
     return medians | {
-        "integrate_and_occupancy_ms_median": round(float(np.median(total)), 3),
+        TOTAL: round(float(np.median(total)), 3),
         "integrate_and_occupancy_ms_p95": round(float(np.percentile(total, 95)), 3),
     }
 
 
 def run() -> None:
-    """Print one JSON object per case, in milliseconds of wall time and of this thread's CPU time."""
+    """Print one JSON object per case, in milliseconds of wall time and of this thread's CPU time.
+
+    The cost of a diff among 100,000 spots over that of 100 is `city_over_town`: both are measured in turns, for a
+    machine is never equally fast for long.
+    """
     diffs = passes(PASSES)
     payloads = [encode_diff(diff) for diff in diffs]
-    spots, base = city_spots(), city_map(CITY_FEATURES)
+    town, city = city_spots(TOWN_SPOTS), city_spots(CITY_SPOTS)
+    for clock in (time.perf_counter, time.thread_time):
+        of_town, of_city = (
+            np.mean([measured[TOTAL] for measured in turns], axis=0)
+            for turns in zip(
+                *((measure(CloudService(s), payloads, clock) for s in (town, city)) for _ in range(TURNS)), strict=True
+            )
+        )
+        found = {"100_spots_ms": round(float(of_town), 3), "100000_spots_ms": round(float(of_city), 3)}
+        ratio = round(float(of_city / of_town), 3)
+        print(json.dumps({"case": "town and city", "clock": clock.__name__} | found | {"city_over_town": ratio}))
+    base = city_map(CITY_FEATURES)
     for clock in (time.perf_counter, time.thread_time):
         for method in ("thesis", "fused"):
-            street, city = CloudService(STREET.parking_map, method), CloudService(spots, method, base)
-            for case, service in (("15 spots", street), (f"{len(spots)} spots, {len(base)} features", city)):
+            street, whole = CloudService(STREET.parking_map, method), CloudService(city, method, base)
+            for case, service in (("15 spots", street), (f"{len(city)} spots, {len(base)} features", whole)):
                 named = {"case": f"{case}, {method}", "clock": clock.__name__}
                 print(json.dumps(named | measure(service, payloads, clock)))

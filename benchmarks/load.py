@@ -165,6 +165,7 @@ async def measure(port: int, pid: int, fleet: Fleet, rate: float, seconds: float
         "diff_bytes_median": int(np.median(tally.sizes)),
         "acknowledged_ms_p50_p99": _percentiles_ms(acknowledged),
         "broadcast_ms_p50_p99": _percentiles_ms(told),
+        "resident_mb_start_middle_end": [memory[0], memory[len(memory) // 2], memory[-1]],
         "resident_mb": memory,
         "service_cpu_ms_per_diff": round(1000 * sum(used.values()) / max(accepted, 1), 3),
         "cpu_ms_per_diff_by_thread": {n: round(1000 * s / max(accepted, 1), 3) for n, s in used.items() if s > 0.05},

@@ -109,6 +109,25 @@ def path_facts(
 
 
 @numba.njit(cache=True, nogil=True)
+def is_orderly(
+    time: NDArray[np.float64],
+    position: NDArray[np.float64],
+    heading: NDArray[np.float32],
+    since: float,
+    until: float,
+) -> bool:
+    """Whether a path (M,) lies within a time, moves on with every row and has nothing but numbers in it."""
+    for row in range(len(time)):
+        if not (since <= time[row] <= until and math.isfinite(heading[row])):
+            return False
+        if not math.isfinite(position[row, 0] + position[row, 1] + position[row, 2]):
+            return False
+        if row and time[row] <= time[row - 1]:
+            return False
+    return True
+
+
+@numba.njit(cache=True, nogil=True)
 def most_frames(
     observations: NDArray[np.uint16],
     free: NDArray[np.uint16],
@@ -157,4 +176,16 @@ def among(ids: NDArray[np.uint64], others: NDArray[np.uint64]) -> NDArray[np.boo
         while other < len(others) and others[other] < ids[row]:
             other += 1
         found[row] = other < len(others) and others[other] == ids[row]
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
+def any_of(keys: NDArray[np.uint64], wanted: NDArray[np.uint64]) -> NDArray[np.bool_]:
+    """Which of the keys (N,) are any of a few wanted ones (K,), in no order."""
+    found = np.zeros(len(keys), np.bool_)
+    for row in range(len(keys)):
+        for one in range(len(wanted)):
+            if keys[row] == wanted[one]:
+                found[row] = True
+                break
     return found

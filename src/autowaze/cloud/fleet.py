@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import hmac
+import math
 import secrets
 import time
 from collections import OrderedDict
@@ -13,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.cloud.diff_kernels import is_orderly
 from autowaze.world.map_diff import SemanticMapDiff, Trajectory
 
 SILENT_S = 600.0
@@ -76,9 +78,9 @@ class Fleet:
 
     def note(self, diff: SemanticMapDiff) -> Report:
         """Follow the car of an accepted diff."""
-        car, path = self.pseudonym(diff.session), _thinned(_within_window(diff))
-        known = self._cars.get(diff.session)
-        if known is not None:
+        known, path = self._cars.get(diff.session), _path_of(diff)
+        car = self.pseudonym(diff.session) if known is None else known.car
+        if known is not None and len(path) and path.time[0] <= known.at:
             path = path[path.time > known.at]
         if len(path):
             position, at = path.position[-1], float(path.time[-1])
@@ -112,9 +114,12 @@ class Fleet:
             del self._cars[session]
 
 
-def _within_window(diff: SemanticMapDiff) -> Trajectory:
-    path = diff.trajectory  # times that are no numbers are left out, too
-    return path[(path.time >= diff.start - SLACK_S) & (path.time <= diff.end + SLACK_S)]
+def _path_of(diff: SemanticMapDiff) -> Trajectory:
+    """What of its path lies in its window, in the order of time, each moment once, no more points than are shown."""
+    path, since, until = diff.trajectory, diff.start - SLACK_S, diff.end + SLACK_S
+    if len(path) <= MOST_PATH_POINTS and is_orderly(path.time, path.position, path.heading, since, until):
+        return path
+    return _thinned(path[(path.time >= since) & (path.time <= until)])  # nor times that are no numbers
 
 
 def _thinned(path: Trajectory) -> Trajectory:
@@ -134,4 +139,5 @@ def _speed(path: Trajectory, known: CarNow | None) -> float | None:
         before, then = known.position, known.at
     else:
         return None
-    return float(np.hypot(*(path.position[-1] - before)[:2]) / (float(path.time[-1]) - then))
+    east, north = (path.position[-1] - before).tolist()[:2]
+    return math.hypot(east, north) / (float(path.time[-1]) - then)

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.cloud.instances import InstanceViews
-from autowaze.cloud.integration import MapState
+from autowaze.cloud.integration import MapState, VehicleFeatures
 from autowaze.cloud.neighbours import number_parts
-from autowaze.world.feature_map import MapFeatures
 from autowaze.world.labels import VEHICLES, is_vehicle
 
 SPLIT_GAP_M = 0.6
@@ -75,8 +74,11 @@ def split_in_space(groups: VehicleGroups, gap_m: float = SPLIT_GAP_M) -> Vehicle
     return VehicleGroups(groups.position[order], part[order], groups.views[groups.group[first]])
 
 
-def _filled_in(views: InstanceViews, features: MapFeatures, group: NDArray[np.int64]) -> InstanceViews:
+def _filled_in(views: InstanceViews, features: VehicleFeatures, group: NDArray[np.int64]) -> InstanceViews:
     """What no instance summary told (a base map has none) comes from the features themselves."""
+    told = is_vehicle(views.label) & (views.view_direction != 0).any(axis=1) & (views.seen_at > 0)
+    if told.all():
+        return views
     count = len(views)
     votes = np.zeros((count, max(VEHICLES) + 1), np.int64)
     np.add.at(votes, (group, features.label), 1)

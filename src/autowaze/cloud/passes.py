@@ -27,7 +27,7 @@ class Kind(StrEnum):
     PARK_END = "park_end"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Sighting:
     """What was believed of a spot at the end of a pass, decided.
 
@@ -40,7 +40,7 @@ class Sighting:
     received_at: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Happening:
     """What a pass says.
 

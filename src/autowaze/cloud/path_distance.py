@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 @numba.njit(cache=True, nogil=True)
 def all_within(points: NDArray[np.float64], path: NDArray[np.float64], within_m: float) -> bool:
-    """Whether each point (N, 2) is so near to the polyline through path (M, 2), M > 0; looks at N M pairs at most."""
+    """Whether each point (N, 2 or more) is so near, along two axes, to the polyline through path (M > 0, 2 or more)."""
     pieces = max(len(path) - 1, 1)
     last = 0
     for row in range(len(points)):
         near = False
         for turn in range(pieces):
             piece = (last + turn) % pieces  # points come sorted by place, so the piece near the last one is tried first
-            x0, y0 = path[piece]
-            x1, y1 = path[min(piece + 1, len(path) - 1)]
+            x0, y0 = path[piece, 0], path[piece, 1]
+            x1, y1 = path[min(piece + 1, len(path) - 1), 0], path[min(piece + 1, len(path) - 1), 1]
             x, y, step_x, step_y = points[row, 0] - x0, points[row, 1] - y0, x1 - x0, y1 - y0
             length2 = max(step_x * step_x + step_y * step_y, 1e-12)
             share = min(max((x * step_x + y * step_y) / length2, 0.0), 1.0)

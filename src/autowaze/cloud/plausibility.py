@@ -103,7 +103,7 @@ def check_removed(diff: SemanticMapDiff, position: NDArray[np.float64], limits: 
         RefusedDiffError: they are too far from its path.
     """
     limits = limits or Limits()
-    _within(diff, position[:, :2], limits.removal_sight_m, "a removed feature")
+    _within(diff, position, limits.removal_sight_m, "a removed feature")
 
 
 def _check_window(diff: SemanticMapDiff, limits: Limits) -> None:
@@ -141,7 +141,7 @@ def _check_sight(diff: SemanticMapDiff, path: PathFacts, limits: Limits) -> None
     low, high = path.lowest_m - limits.most_height_m, path.highest_m + limits.most_height_m
     in_height = all_between(diff.new.position[:, 2], low, high)
     _require(in_height, "too_far", f"a feature is {limits.most_height_m:.0f} m up or down")
-    _within(diff, diff.new.position[:, :2], limits.feature_sight_m, "a new feature")
+    _within(diff, diff.new.position, limits.feature_sight_m, "a new feature")
     blocks = blocks_of_cells(diff.ground.ix, diff.ground.iy, _BLOCK_BITS)
     centres = np.asarray((blocks + 0.5) * _BLOCK_M, dtype=np.float64)
     _within(diff, centres, limits.ground_sight_m + _BLOCK_M * 0.71, "a ground cell")
@@ -152,20 +152,21 @@ _BLOCK_M = CELL_M * (1 << _BLOCK_BITS)
 
 
 def _within(diff: SemanticMapDiff, points: NDArray[np.float64], sight_m: float, what: str) -> None:
-    """Refuse a diff one of whose points (N, 2) lies farther from its path than that."""
+    """Refuse a diff one of whose points (N, 2) or (N, 3) lies farther from its path than that."""
     if len(points) == 0:
         return
     _require(
-        _all_near(points, diff.trajectory.position[:, :2], sight_m),
+        _all_near(points, diff.trajectory.position, sight_m),
         "too_far",
         f"{what} is more than {sight_m:.0f} m from its path",
     )
 
 
 def _all_near(points: NDArray[np.float64], path: NDArray[np.float64], within_m: float) -> bool:
-    """Whether each point (N, 2) is so near to the polyline through path (M, 2)."""
+    """Whether each point (N, 2) or (N, 3) is so near, over the ground, to the polyline through path (M, 3)."""
     if len(points) * len(path) <= LOOKED_UP_AT_ONCE:
         return bool(all_within(points, path, within_m))
+    points, path = points[:, :2], path[:, :2]
     low, high = path.min(axis=0) - within_m, path.max(axis=0) + within_m
     if not ((points >= low) & (points <= high)).all():
         return False

@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 
 from autowaze.cloud.admission import CarefulAdmission
+from autowaze.cloud.fleet import Fleet
 from autowaze.cloud.methods import METHODS
 from autowaze.cloud.service import CloudService
 from autowaze.world.feature_map import MapFeatures
@@ -35,6 +36,7 @@ _START, _WINDOW_S = 1e9, 5.0
 @cache
 def rehearse() -> None:
     """Take two passes of a made-up street into a service of each method that is kept nowhere; once per process."""
+    fleet = Fleet(None)
     for method in METHODS:
         service, admission = CloudService(_SPOTS, method), CarefulAdmission()
         for session in (1, 2):
@@ -44,6 +46,7 @@ def rehearse() -> None:
             admission.admit(diff, None, service)
             service.receive(payload)
             admission.note(diff, diff.end)
+            fleet.note(diff)
 
 
 def _pass(session: int, removed: np.ndarray) -> SemanticMapDiff:

@@ -70,16 +70,16 @@ class Upkeep:
         """Take a snapshot if one is due, and delete what was kept long enough."""
         new = self._durable.store.position - max(self._kept_position, 0)
         if new >= SNAPSHOT_DIFFS or (new > 0 and self._clock() - self._kept_at >= SNAPSHOT_S):
-            self._snapshot()
+            self._snapshot(gently=True)
         days = (self._retention.diffs_days, self._retention.history_days)
         diffs, history = (0.0 if d is None else self._clock() - d * DAY_S for d in days)
         pruned = self._durable.store.prune(diffs, history)
         if pruned:
             _log.info("%d diffs older than %g days deleted", pruned, self._retention.diffs_days)
 
-    def _snapshot(self) -> None:
+    def _snapshot(self, gently: bool = False) -> None:
         if self._durable.store.position != self._kept_position:
-            self._kept_position = self._durable.snapshot()
+            self._kept_position = self._durable.snapshot(gently)
             self._kept_at = self._clock()
 
     def _go_on(self) -> None:

@@ -46,7 +46,7 @@ class ParkingSpot:
         return np.array([self.polygon.centroid.x, self.polygon.centroid.y])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class SpotState:
     """What is believed of one spot.
 

@@ -20,6 +20,12 @@ def simulate(
     drive: Annotated[int | None, typer.Option(help="Another drive: other cars, occupancy, traffic, noise.")] = None,
     frames: Annotated[int | None, typer.Option(help="Stop after so many frames.")] = None,
     occupancy: Annotated[float | None, typer.Option(help="Share of the spots that are taken, 0 to 1.")] = None,
+    parked_as: Annotated[
+        int | None, typer.Option(help="Whose cars are parked: another drive's, by its number.")
+    ] = None,
+    changed: Annotated[
+        float | None, typer.Option(help="With --parked-as: share of the spots that changed since.")
+    ] = None,
     weather: Annotated[str | None, typer.Option(help="clear, hazy, overcast or dusk.")] = None,
     time: Annotated[float | None, typer.Option(help="Hour of the day by the sun.")] = None,
     rig: Annotated[str | None, typer.Option(help="kitti, zed2i-720 or zed2i-540.")] = None,
@@ -30,6 +36,8 @@ def simulate(
 
     autowaze simulate town-a -o /tmp/town --drive 3
 
+    autowaze simulate town-a -o /tmp/later --drive 4 --parked-as 3 --changed 0.6
+
     autowaze simulate street.toml -o /tmp/street --weather dusk --frames 50
     """
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -38,7 +46,7 @@ def simulate(
 
     changes: dict[str, dict[str, object]] = {
         "ego": {"frames": frames},
-        "parking": {"occupancy": occupancy},
+        "parking": {"occupancy": occupancy, "drive": parked_as, "changed": changed},
         "light": {"weather": weather, "solar_time": time},
         "rig": {"name": rig},
     }

@@ -10,6 +10,7 @@ from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
 from autowaze.world.feature_map import FeatureMap
 from autowaze.world.features import CameraFeatures
 from autowaze.world.labels import ClassLabel
+from autowaze.world.pose import heading_to_rotation, make_pose
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +86,40 @@ def test_a_covered_camera_is_lost_at_once_and_found_again(street: Street, base_m
     assert frames[29].covariance[0, 0] > 100.0
     assert frames[31].state == TrackingState.LOCALIZED
     assert _errors_m(frames[31:], poses[31:]).max() < 0.2
+
+
+@pytest.mark.parametrize("turned_rad", [0.7, 1.6, 3.1])
+def test_a_cut_to_another_direction_is_told_at_once_and_the_map_found_again(
+    street: Street, base_map: FeatureMap, turned_rad: float
+) -> None:
+    """The camera turns on the spot to what the map does not know, for as long as odometry starts afresh there."""
+    poses, elsewhere = straight_drive(60), Street(seed=77)
+    slam, cut = StereoSlam(CAMERA, stored_map=base_map), range(15, 45)
+    frames = []
+    for i, T in enumerate(poses):
+        turned = make_pose(heading_to_rotation(turned_rad), poses[15][:3, 3])
+        features = elsewhere.see(turned, 8000 + i) if i in cut else street.see(T, 8000 + i)
+        frames.append(slam.track(features, 0.1 * i, i))
+    slam.finish()
+    assert TrackingState.LOST in {frames[i].state for i in cut[:3]}
+    assert not any(frames[i].state == TrackingState.LOCALIZED for i in cut)
+    found = next(i for i in range(45, 60) if frames[i].state == TrackingState.LOCALIZED)
+    assert found < 55
+    assert _errors_m(frames[found:], poses[found:]).max() < 0.2
+
+
+@pytest.mark.parametrize("n_cut", [8, 16])
+def test_frames_cut_out_of_a_turn_do_not_bend_the_way(street: Street, n_cut: int) -> None:
+    """The view jumps on by a turn on the spot: what was seen before places it, or it is said to be lost."""
+    at = straight_drive(30)
+    poses = at[:20] + [make_pose(heading_to_rotation(0.05 * k), at[20][:3, 3]) for k in range(30)]
+    poses = poses[:22] + poses[22 + n_cut :]
+    slam = StereoSlam(CAMERA)
+    frames = [slam.track(street.see(T, 4000 + i), 0.1 * i, i) for i, T in enumerate(poses)]
+    slam.finish()
+    for frame, T in zip(frames, poses, strict=True):
+        off_m = np.linalg.norm(frame.T_map_cam[:3, 3] - T[:3, 3])
+        assert off_m < 0.3 or not frame.is_trustworthy or frame.covariance[0, 0] > 1.0
 
 
 def test_a_teleported_car_starts_odometry_afresh_and_admits_it(street: Street) -> None:

@@ -63,7 +63,7 @@ class Laboratory:
 
     @property
     def model_name(self) -> str:
-        """Name of the model with a digest of its weights: other weights, other runs."""
+        """Name of the model with a digest of its weights and settings: others make other runs."""
         return _model_name(self.model)
 
     def made_with(self, drive: PlannedDrive) -> dict[str, Any]:
@@ -191,4 +191,5 @@ def _model_name(model: str) -> str:
         return model
     file = bundled_model() if model == BUNDLED else Path(model)
     file = file if file.is_file() else ModelStore().path(model)
-    return f"{Path(model).stem}-{hashlib.sha256(file.read_bytes()).hexdigest()[:8]}"
+    parts = [path.read_bytes() for path in (file, file.with_suffix(".json")) if path.is_file()]
+    return f"{Path(model).stem}-{hashlib.sha256(b''.join(parts)).hexdigest()[:8]}"

@@ -58,6 +58,24 @@ def test_a_car_behind_another_keeps_what_is_seen_of_it(open_model):
     assert right.mask[60, 110] and not left.mask[60, 110]
 
 
+def test_cars_whose_boxes_overlap_by_half_are_two_though_votes_scatter(open_model):
+    votes = votes_for((VEHICLE, 20, 30, 120, 90), (VEHICLE, 55, 36, 155, 96))
+    votes[-5:-1] += np.random.default_rng(2).normal(0, 0.1, votes[-5:-1].shape)
+    found = open_model(votes).segment(IMAGE)
+    assert len(found) == 2
+    left, right = found[np.argsort(found.box[:, 0])]
+    assert left.mask[60, 40] and right.mask[60, 130]
+    assert not left.mask[60, 70] and right.mask[60, 70]
+
+
+def test_one_car_stays_one_however_its_votes_scatter(open_model):
+    votes = votes_for((VEHICLE, 20, 30, 180, 100))
+    votes[-5:-1] += np.random.default_rng(3).normal(0, 0.2, votes[-5:-1].shape)
+    found = open_model(votes).segment(IMAGE)
+    assert len(found) == 1
+    assert found.mask[0].sum() > 0.95 * 160 * 70
+
+
 def test_a_person_before_a_car_is_not_part_of_it(open_model):
     found = open_model(votes_for((VEHICLE, 40, 40, 160, 100), (PERSON, 90, 30, 110, 110))).segment(IMAGE)
     assert sorted(found.label.tolist()) == [ClassLabel.CAR, ClassLabel.PERSON]

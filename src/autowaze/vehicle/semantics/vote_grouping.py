@@ -21,7 +21,7 @@ _AGREEMENT, _KNOWN = 0.6, 0.8
 """Overlap of two votes that speak for one candidate; of two candidates of which one is enough."""
 _SUPPORT, _NO_SUPPORT = 0.5, 0.25
 """Overlap with a candidate from which a vote is one of its own; below which it says nothing for it."""
-_WORTH = 0.1
+_WORTH = 0.13
 """By how much a candidate must represent its own votes better, in overlap, to be an instance of its own."""
 _OWN = 0.2
 """Least overlap of a vote with the instance that it belongs to."""

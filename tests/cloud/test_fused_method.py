@@ -164,6 +164,14 @@ def test_fragments_of_one_car_merge_and_neighbours_in_bays_do_not():
     assert merged.seen_at[0] == 2.0
 
 
+def test_the_newest_look_says_where_a_vehicle_stands():
+    left_over, now = box_row(0.0, 0.0, 80, 1, seen_at=0.0), box_row(0.0, 1.4, 40, 2, seen_at=900.0)
+    again = box_row(0.0, 1.2, 40, 3, seen_at=905.0)
+    merged = merge_boxes(VehicleBoxes.concatenate([left_over, now, again]))
+    assert merged.points.tolist() == [160]
+    assert merged.centre[0] == pytest.approx([0.0, 1.3])
+
+
 def test_belief_fades_to_even_odds():
     state = believe("A", [Evidence(0.0, 5.0, "car")])
     assert state.occupancy is Occupancy.OCCUPIED

@@ -14,6 +14,10 @@ from autowaze.cloud.box_overlap import leaders_and_clusters
 from autowaze.world.vehicles import VehicleBoxes
 
 SAME_VEHICLE_IOU = 0.3
+ENOUGH_TO_SAY_WHERE = 0.25
+"""Share of a vehicle's points."""
+ONE_LOOK_S = 30.0
+"""Boxes seen last within this time of each other are of one look at a vehicle."""
 
 
 class MergedVehicles(NamedTuple):
@@ -56,9 +60,14 @@ def merge_parts(boxes: VehicleBoxes) -> MergedVehicles:
 
 
 def _take_in(result: VehicleBoxes, row: int, members: VehicleBoxes) -> None:
-    """One box keeps its size and heading as the one with most points, and moves to the mean place by points."""
+    """One box keeps its size and heading as the one with most points, and moves to the mean place by points.
+
+    The newest look says where, if it saw enough: what is left of older ones may be of a vehicle that stood here before.
+    """
     weight = members.points / members.points.sum()
-    result.centre[row] = weight @ members.centre
+    newest = weight * (members.seen_at >= members.seen_at.max() - ONE_LOOK_S)
+    where = newest / newest.sum() if newest.sum() >= ENOUGH_TO_SAY_WHERE else weight
+    result.centre[row] = where @ members.centre
     result.group[row] = members.group.min()
     result.confidence[row] = weight @ members.confidence
     result.points[row] = members.points.sum()

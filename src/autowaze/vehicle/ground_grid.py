@@ -18,6 +18,7 @@ PASSED_M = 4.0
 """Ground so little ahead of a camera has left its view, or is about to."""
 HELD_WINDOWS = 2
 """Ground ahead is told of when so many more windows have ended, if the car has not passed it by then."""
+_AROUND = (5, 5)
 _MOST_UNCOUNTED = 64
 _MOST_CELLS_ACROSS = BLOCK * int(np.sqrt(MAX_SQUARES))
 
@@ -65,9 +66,9 @@ class GroundGrid:
         return self._cells
 
     def classes(self) -> GroundCells:
-        """One vote per cell of the area: what most of the 3 by 3 cells around it were to most frames.
+        """One vote per cell of the area: what most of the 5 by 5 cells around it were to most frames.
 
-        A lone cell that differs from all around it is noise of stereo, and noise is what costs bytes.
+        A few cells that differ from all around them are noise of stereo, and noise is what costs bytes.
         """
         cells = self.cells()
         if len(cells) == 0:
@@ -80,7 +81,7 @@ class GroundGrid:
             shape = int(cells.iy.max()) - y + 1, int(cells.ix.max()) - x + 1
         grid = np.zeros(shape, np.uint8)
         grid[cells.iy - y, cells.ix - x] = np.where(cells.obstacle >= np.maximum(cells.free, 1), 2, 1)
-        around = [cv2.boxFilter((grid == k).astype(np.uint8), -1, (3, 3), normalize=False) for k in range(3)]
+        around = [cv2.boxFilter((grid == k).astype(np.uint8), -1, _AROUND, normalize=False) for k in range(3)]
         smooth = np.argmax(np.stack(around), axis=0)
         iy, ix = np.nonzero(smooth)
         is_obstacle = smooth[iy, ix] > 1

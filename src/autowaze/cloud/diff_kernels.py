@@ -146,7 +146,7 @@ def most_frames(
 
 
 @numba.njit(cache=True, nogil=True)
-def all_between(values: NDArray[np.float64], low: float, high: float) -> bool:
+def all_between(values: NDArray[np.floating], low: float, high: float) -> bool:
     """Whether all values (N,) lie there."""
     for row in range(len(values)):
         if not low <= values[row] <= high:

@@ -92,8 +92,8 @@ def _of_ground(windows: list[WindowVotes], core: NDArray[np.bool_], ground: bool
         return []
     windows = sorted(windows, key=lambda w: (w.session, w.end, w.sequence))
     starts = _pass_starts(windows)
-    free = np.concatenate([window.free for window in windows]).reshape(-1, len(core))
-    obstacle = np.concatenate([window.obstacle for window in windows]).reshape(-1, len(core))
+    votes = [*(window.free for window in windows), *(window.obstacle for window in windows)]
+    free, obstacle = np.concatenate(votes).reshape(2, len(windows), len(core))
     shares = shares_of_passes(free, obstacle, core, np.array(starts)).tolist()
     found = []
     for first, end, (free_share, obstacle_share) in zip(starts, [*starts[1:], len(windows)], shares, strict=True):

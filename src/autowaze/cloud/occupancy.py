@@ -59,10 +59,14 @@ def vacant_rectangles(spots: NDArray[np.object_]) -> list[dict[str, float]]:
 
     For a spot that does not lie along the axes it is the rectangle around it.
     """
-    bounds = np.round(shapely.bounds(spots), 3).reshape(-1, 4)
+    return rectangles_within(shapely.bounds(spots).reshape(-1, 4))
+
+
+def rectangles_within(bounds: NDArray[np.float64]) -> list[dict[str, float]]:
+    """The same from bounds (V, 4) of the spots."""
     return [
         {"x": x0, "y": y0, "width": round(x1 - x0, 3), "height": round(y1 - y0, 3)}
-        for x0, y0, x1, y1 in bounds.tolist()
+        for x0, y0, x1, y1 in np.round(bounds, 3).tolist()
     ]
 
 

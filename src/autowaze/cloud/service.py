@@ -19,7 +19,7 @@ from autowaze.cloud.integration import MapState
 from autowaze.cloud.map_tiles import SpotTiles
 from autowaze.cloud.merging import merge_boxes
 from autowaze.cloud.methods import FUSED, Method, method_named
-from autowaze.cloud.occupancy import vacant_rectangles
+from autowaze.cloud.occupancy import rectangles_within
 from autowaze.cloud.outliers import remove_outliers
 from autowaze.cloud.parked_vehicles import ParkedVehicles
 from autowaze.cloud.row_split import split_along_rows
@@ -271,7 +271,7 @@ class CloudService:
 
     def _vacant(self, spots: NDArray[np.int64]) -> list[dict[str, float]]:
         vacant = [spot for spot in spots.tolist() if self._states[spot].occupancy is Occupancy.VACANT]
-        return vacant_rectangles(self.spots.polygons[vacant])
+        return rectangles_within(self.spots.bounds[vacant])
 
 
 def _additions_only(diff: SemanticMapDiff) -> SemanticMapDiff:

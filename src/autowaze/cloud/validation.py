@@ -10,7 +10,14 @@ import math
 
 import numpy as np
 
-from autowaze.cloud.diff_kernels import ascends, extent_of_cells, extent_of_places, numbered_from, of_session
+from autowaze.cloud.diff_kernels import (
+    all_between,
+    ascends,
+    extent_of_cells,
+    extent_of_places,
+    numbered_from,
+    of_session,
+)
 from autowaze.cloud.spots import cell_codes
 from autowaze.world.errors import WireError
 from autowaze.world.georeference import Georeference
@@ -94,10 +101,13 @@ def _check_instances(diff: SemanticMapDiff) -> None:
     instances = diff.instances
     if len(instances) == 0:
         return
-    _require(len(np.unique(instances.id)) == len(instances), "two rows for one instance")
-    _require(bool((instances.id > 0).all()), "an instance without a positive id")
-    numbers = np.concatenate([instances.confidence, instances.view_direction.ravel()])
-    _require(bool(np.isfinite(numbers).all() and (np.abs(numbers) <= 1.01).all()), "an instance value out of range")
+    ids = instances.id
+    _require(len(set(ids.tolist())) == len(ids), "two rows for one instance")
+    _require(int(ids.min()) > 0, "an instance without a positive id")
+    in_range = all_between(instances.confidence, -1.01, 1.01) and all_between(
+        instances.view_direction.ravel(), -1.01, 1.01
+    )
+    _require(in_range, "an instance value out of range")
 
 
 def _require(holds: bool, complaint: str) -> None:

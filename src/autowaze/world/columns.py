@@ -26,12 +26,13 @@ class Columns:
         return len(getattr(self, names_of(type(self))[0]))
 
     def __getitem__(self, rows: NDArray[Any] | slice) -> Self:
-        return self._of({name: getattr(self, name)[rows] for name in names_of(type(self))})
+        return self._of({name: column[rows] for name, column in self.__dict__.items()})
 
     @classmethod
     def concatenate(cls, parts: list[Self]) -> Self:
         """All rows of the parts, in order; an empty list is an error (build an `empty()` instead)."""
-        return cls._of({name: np.concatenate([getattr(part, name) for part in parts]) for name in names_of(cls)})
+        columns = [part.__dict__ for part in parts]
+        return cls._of({name: np.concatenate([own[name] for own in columns]) for name in names_of(cls)})
 
     @classmethod
     def _of(cls, columns: dict[str, NDArray[Any]]) -> Self:

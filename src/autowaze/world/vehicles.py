@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from numba import njit
 from numpy.typing import NDArray
 
 from autowaze.world.columns import Columns
@@ -108,7 +109,8 @@ class VehicleBoxes(Columns):
     @property
     def corners(self) -> NDArray[np.float64]:
         """Corners (N, 4, 2) in map metres."""
-        return box_corners(self.centre, self.length, self.width, self.heading)
+        corners: NDArray[np.float64] = _corners(self.centre, self.length, self.width, self.heading)
+        return corners
 
     @property
     def polygons(self) -> NDArray[np.object_]:
@@ -130,4 +132,19 @@ def box_corners(
         front, rear = centre[:, axis] + along, centre[:, axis] - along
         corners[:, 0, axis], corners[:, 1, axis] = front + across, front - across
         corners[:, 2, axis], corners[:, 3, axis] = rear - across, rear + across
+    return corners
+
+
+@njit(cache=True, nogil=True)
+def _corners(centre, length, width, heading):  # type: ignore[no-untyped-def]
+    """As `box_corners`, for the few boxes of a diff."""
+    corners = np.empty((len(centre), 4, 2))
+    for row in range(len(centre)):
+        sine, cosine = np.sin(heading[row]), np.cos(heading[row])
+        for axis in range(2):
+            along = (cosine if axis else sine) * (length[row] / 2)
+            across = (-sine if axis else cosine) * (width[row] / 2)
+            front, rear = centre[row, axis] + along, centre[row, axis] - along
+            corners[row, 0, axis], corners[row, 1, axis] = front + across, front - across
+            corners[row, 2, axis], corners[row, 3, axis] = rear - across, rear + across
     return corners

@@ -14,6 +14,7 @@ from rich.table import Table
 
 from autowaze.traces import open_trace
 from autowaze.vehicle.slam import local_mapper, slam, tracker
+from autowaze.vehicle.slam.loops import closer, looking_back
 from autowaze.vehicle.vision import corners, extractor, orb, pyramid
 from benchmarks.data import DRIVES
 
@@ -28,7 +29,9 @@ _STEPS: tuple[tuple[str, Any, str], ...] = (
     ("pose in the local map", tracker.Tracker, "in_map"),
     ("keyframe", local_mapper.LocalMapper, "insert"),
     ("taking over an adjustment", local_mapper.LocalMapper, "adopt"),
+    ("remembering places", closer.LoopCloser, "remember"),
     ("bundle adjustment, own thread", local_mapper, "adjust"),
+    ("places and loops, own thread", looking_back.LookingBack, "__call__"),
 )
 
 

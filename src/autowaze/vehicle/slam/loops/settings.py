@@ -22,7 +22,8 @@ class LoopSettings:
         min_inliers: features that make certain of a loop.
         n_consistent: places in a row that must find themselves in the same way.
         consistency_m, consistency_rad: how far two such findings may be apart after the odometry between them.
-        n_window, n_held: the latest places are adjusted together as each one comes, the first of them held.
+        n_window, n_held: the latest places are adjusted together as the drive goes on, the first of them held.
+        window_every: places after which that is done again.
         n_loose: the last of them do not take part, they move along.
         window_iterations: of that adjustment, in each of its rounds.
         search_frames, closing_frames, adjustment_frames: after so many frames a result is applied, whenever it was
@@ -46,6 +47,7 @@ class LoopSettings:
     consistency_rad: float = 0.03
     n_window: int = 10
     n_held: int = 3
+    window_every: int = 2
     n_loose: int = 1
     window_iterations: int = 3
     search_frames: int = 3

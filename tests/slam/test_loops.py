@@ -6,14 +6,21 @@ from functools import cache
 
 import numpy as np
 from known_street import CAMERA, Street
+from scipy.spatial import cKDTree
 
+from autowaze.evaluation.drive import DriveRecord
+from autowaze.evaluation.loop_correction import correct_loops
 from autowaze.evaluation.trajectory import absolute_errors
 from autowaze.vehicle.slam.loops.correction import DriveCorrection
 from autowaze.vehicle.slam.loops.recognition import PlaceIndex
 from autowaze.vehicle.slam.slam import StereoSlam
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
+from autowaze.world.feature_map import MapFeatures
+from autowaze.world.identity import feature_ids
 from autowaze.world.labels import ClassLabel
-from autowaze.world.pose import heading_to_rotation, make_pose
+from autowaze.world.map_diff import SemanticMapDiff
+from autowaze.world.pose import heading_to_rotation, inverse, make_pose, transform
+from autowaze.world.wire import decode_diff
 
 RADIUS_M, STEP_M, OVERLAP_M = 16.0, 1.2, 22.0
 ROUND_M = 2 * np.pi * RADIUS_M
@@ -83,6 +90,50 @@ def test_the_same_drive_closes_its_loop_in_the_same_way() -> None:
     (one, frames_one, _), (two, frames_two, _) = _round(), _driven()
     assert one.loops.closings == two.loops.closings
     assert _told(frames_one).tobytes() == _told(frames_two).tobytes()
+
+
+def test_a_survey_is_moved_to_where_its_loops_put_it_and_tells_a_corner_once() -> None:
+    slam, frames, truth = _round()
+    told, ring = _told(frames), Ring()
+    to_map = told[0] @ inverse(truth[0])
+    record = DriveRecord(tracked=frames)
+    for window in (range(0, 12), range(40, 50), range(len(frames) - 8, len(frames))):
+        last = window[-1]
+        near = np.linalg.norm(ring.position - truth[last, :3, 3], axis=1) < 14.0
+        seen = transform(told[last] @ inverse(truth[last]), ring.position[near])
+        record.diffs.append(_diff(len(record.diffs), frames[window[0]], frames[last], seen, ring.descriptor[near]))
+        record.messages.append(b"")
+    first, middle, again = (diff.new for diff in record.diffs)
+    correct_loops(record, slam.loops)
+
+    def off_m(new: MapFeatures) -> float:
+        true = transform(to_map, ring.position)
+        return float(np.median(cKDTree(true).query(new.position)[0]))
+
+    assert len(record.diffs[0].new) == len(first)
+    assert len(record.diffs[2].new) < 0.5 * len(again)
+    assert off_m(record.diffs[1].new) < 0.6 * off_m(middle)
+    assert len(decode_diff(record.messages[1]).new) == len(middle)
+
+
+def _diff(
+    sequence: int, begin: TrackedFrame, end: TrackedFrame, position: np.ndarray, descriptor: np.ndarray
+) -> SemanticMapDiff:
+    n = len(position)
+    new = MapFeatures(
+        id=feature_ids(1, sequence, n),
+        position=position,
+        descriptor=descriptor,
+        normal=np.tile(np.array([0.0, -1.0, 0.0], np.float32), (n, 1)),
+        min_distance=np.full(n, 2.0, np.float32),
+        max_distance=np.full(n, 40.0, np.float32),
+        label=np.zeros(n, np.uint8),
+        instance_key=np.zeros(n, np.uint64),
+        first_seen=np.full(n, begin.timestamp),
+        last_seen=np.full(n, end.timestamp),
+        observations=np.full(n, 5, np.uint16),
+    )
+    return SemanticMapDiff(1, sequence, begin.timestamp, end.timestamp, new=new)
 
 
 def test_places_full_of_cars_are_no_loop() -> None:

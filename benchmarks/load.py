@@ -198,7 +198,7 @@ def served(folder: Path, port: int, *options: str) -> subprocess.Popen[bytes]:
     command += ["--spots", str(folder / "spots.geojson")]
     with (folder / "log").open("ab") as log:
         process = subprocess.Popen([*command, "--port", str(port), *options], stdout=log, stderr=log)
-    for _ in range(600):
+    for _ in range(1800):
         try:
             asyncio.run(_asked(port))
             return process

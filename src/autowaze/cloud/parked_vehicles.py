@@ -168,15 +168,20 @@ class ParkedVehicles:
         for row, number in enumerate(merged.cluster.tolist()):
             rows_of.setdefault(number, []).append(row)
         whole = merged.whole.tolist()
+        cell_of_part, cell_of_vehicle = (_cells_of(centre) for centre in (parts.centre, vehicles.centre))
         for rows in rows_of.values():
             own = sorted({whole[row] for row in rows})
-            centres = np.vstack([parts.centre[rows], vehicles.centre[own]])
-            cells = set(map(tuple, np.floor(centres / _CELL_M).astype(np.int64).tolist()))
+            cells = {*(cell_of_part[row] for row in rows), *(cell_of_vehicle[row] for row in own)}
             cluster = _Cluster(parts[np.array(rows)], corners[rows], [every[v] for v in own], cells)
             for group in set(cluster.parts.group.tolist()):
                 self._by_group.setdefault(group, []).append(cluster)
             for cell in cells:
                 self._by_cell.setdefault(cell, []).append(cluster)
+
+
+def _cells_of(places: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """The cell of each place (N, 2)."""
+    return [(x, y) for x, y in np.floor(places / _CELL_M).astype(np.int64).tolist()]
 
 
 def _met(clusters: list[_Cluster], corners: NDArray[np.float64]) -> list[_Cluster]:

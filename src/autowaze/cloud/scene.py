@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -38,8 +39,13 @@ class VehicleScene:
         """Forget the boxes of these groups (K,) and put these in their place."""
         for group in groups.tolist():
             self._forget(group)
-        for group in np.unique(boxes.group).tolist():
-            own = boxes[boxes.group == np.uint64(group)]
+        if len(boxes) == 0:
+            return
+        boxes = boxes[np.argsort(boxes.group, kind="stable")]
+        ends = np.append(np.flatnonzero(boxes.group[1:] != boxes.group[:-1]) + 1, len(boxes)).tolist()
+        for first, end in pairwise([0, *ends]):
+            own = boxes[first:end]
+            group = int(own.group[0])
             self._boxes[group] = own
             for cell in _cells_of(own):
                 self._cells.setdefault(cell, set()).add(group)

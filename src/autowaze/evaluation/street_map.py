@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from autowaze.cloud.integration import MapState
 from autowaze.evaluation.datum import Start, starting_point
 from autowaze.evaluation.drive import DriveRecord, Progress, run_drive
+from autowaze.evaluation.loop_correction import correct_loops
 from autowaze.evaluation.map_selection import FEATURES_PER_METRE, worth_keeping
 from autowaze.traces import Trace
 from autowaze.vehicle.diffing import DiffSettings
@@ -69,6 +70,7 @@ def map_streets(
         begin = starting_point(trace, spots, start)
         node = VehicleNode(trace.camera, segmenter, _SETTINGS, stored, begin, session=_unused_session(before))
         drive = run_drive(trace, node, lambda message: None, progress)
+        correct_loops(drive, node.slam.loops)
         state = MapState(stored, node.georeference)
         for message in drive.messages:
             state.integrate(decode_diff(message))

@@ -27,20 +27,22 @@ class Street:
         self.label = np.zeros(n, np.uint8)
         self.offset = np.zeros((n, 3))  # of things that moved
 
-    def see(self, T_map_cam: np.ndarray, seed: int, noise_px: float = 0.4) -> CameraFeatures:
+    def see(
+        self, T_map_cam: np.ndarray, seed: int, noise_px: float = 0.4, camera: StereoCamera = CAMERA
+    ) -> CameraFeatures:
         """Features of the points within 5 to 45 m, with noise in pixels, disparity and descriptors."""
         rng = np.random.default_rng(seed)
         T = inverse(T_map_cam)
         points = (self.position + self.offset) @ T[:3, :3].T + T[:3, 3]
-        pixel = CAMERA.project(np.where(points[:, 2:] > 5.0, points, [0.0, 0.0, -1.0]))
-        seen = (points[:, 2] > 5.0) & (points[:, 2] < 45.0) & (pixel[:, 0] > 0) & (pixel[:, 0] < CAMERA.width)
-        seen &= (pixel[:, 1] > 0) & (pixel[:, 1] < CAMERA.height)
+        pixel = camera.project(np.where(points[:, 2:] > 5.0, points, [0.0, 0.0, -1.0]))
+        seen = (points[:, 2] > 5.0) & (points[:, 2] < 45.0) & (pixel[:, 0] > 0) & (pixel[:, 0] < camera.width)
+        seen &= (pixel[:, 1] > 0) & (pixel[:, 1] < camera.height)
         rows = np.flatnonzero(seen)
         distance = np.linalg.norm(points[rows], axis=1)
         octave = np.clip(np.rint(np.log(20.0 / distance) / np.log(1.2)) + 3, 0, 7).astype(np.uint8)
         uv = pixel[rows, :2] + rng.normal(0, noise_px, (len(rows), 2))
-        disparity = CAMERA.bf / points[rows, 2] + rng.normal(0, 0.5 * noise_px, len(rows))
-        depth = CAMERA.bf / disparity
+        disparity = camera.bf / points[rows, 2] + rng.normal(0, 0.5 * noise_px, len(rows))
+        depth = camera.bf / disparity
         flipped = np.packbits(rng.random((len(rows), 256)) < 0.05, axis=1)
         return CameraFeatures(
             uv=uv.astype(np.float32),
@@ -49,7 +51,7 @@ class Street:
             descriptor=self.descriptor[rows] ^ flipped,
             u_right=(uv[:, 0] - disparity).astype(np.float32),
             depth=depth.astype(np.float32),
-            position_cam=CAMERA.back_project(uv, depth).astype(np.float32),
+            position_cam=camera.back_project(uv, depth).astype(np.float32),
             label=self.label[rows],
             instance_id=self.label[rows].astype(np.int32),
         )

@@ -15,8 +15,8 @@ _ITERATIONS, _CONFIDENCE = 1000, 0.999
 
 def pose_by_consensus(
     position: NDArray[np.float64], uv: NDArray[np.floating], camera: StereoCamera, min_inliers: int
-) -> Pose | None:
-    """Camera pose (4, 4) that most matches agree on, or None.
+) -> tuple[Pose, NDArray[np.int64]] | None:
+    """Camera pose (4, 4) that most matches agree on and the rows of those that do, or None.
 
     Args:
         position: (N, 3) map points, m. uv: (N, 2) the pixels at which they are thought to be seen.
@@ -41,4 +41,4 @@ def pose_by_consensus(
     R = np.asarray(cv2.Rodrigues(rotation)[0], dtype=np.float64)
     T = inverse(make_pose(R, np.asarray(translation, dtype=np.float64).ravel()))
     T[:3, 3] += centre
-    return T
+    return T, inliers.ravel().astype(np.int64)

@@ -53,11 +53,11 @@ class Relocalizer:
         found = self._by_appearance(frame, rows)
         feature = np.flatnonzero(found >= 0)
         position = self.landmarks.position[rows[found[feature]]]
-        T = pose_by_consensus(position, frame.uv[feature], self.camera, _MIN_INLIERS)
-        if T is None:
+        agreed = pose_by_consensus(position, frame.uv[feature], self.camera, _MIN_INLIERS)
+        if agreed is None:
             return None
-        near = self._around(rows, T)
-        located = self.tracker.in_map(frame, T, near, widen=_WIDE)
+        near = self._around(rows, agreed[0])
+        located = self.tracker.in_map(frame, agreed[0], near, widen=_WIDE)
         located = self.tracker.in_map(frame, located.T_map_cam, near)
         return located if located.n_steering >= self.settings.min_relocalized_inliers else None
 

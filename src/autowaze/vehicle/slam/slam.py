@@ -182,8 +182,9 @@ class StereoSlam:
             return None
         T_predicted = None if self._velocity is None else last.T_map_cam @ self._velocity
         T = self._tracker.from_last(frame, last, T_predicted)
+        T = T_predicted if T is None else T
         if T is None:
-            T = last.T_map_cam if T_predicted is None else T_predicted
+            return None
         located = self._tracker.in_map(frame, T, self._mapper.local_rows)
         return located if located.n_steering >= self.settings.min_inliers else None
 

@@ -74,17 +74,21 @@ class Tracker:
     def from_last(self, frame: ObservedFrame, last: Located, T_predicted: Pose | None) -> Pose | None:
         """Pose by the features of the last frame, or None when too few of them are found again.
 
-        Without a prediction the matches vote for the motion: what moves along with the car must not pass for rest.
+        Without a prediction, or where it is no good, the matches vote for the motion: what moves along with the car,
+        or dirt on the lens, must not pass for rest.
         """
-        position = self._points_of(last)
+        position, ray_error = self._points_of(last)
         known = np.flatnonzero(np.isfinite(position[:, 0]) & ~last.frame.moving)
-        for radius in _MOTION_RADII_PX[T_predicted is None :]:
-            near = last.T_map_cam if T_predicted is None else T_predicted
-            source, feature = self._match_last(frame, near, position[known], last.frame, known, radius)
-            T: Pose | None = near
-            if T_predicted is None:
-                T = pose_by_consensus(position[source], frame.uv[feature], self.camera, _MIN_MOTION_INLIERS)
-            if T is None or len(feature) < _MIN_MOTION_INLIERS:
+        tries = [(T_predicted, radius) for radius in _MOTION_RADII_PX if T_predicted is not None]
+        for predicted, radius in [*tries, (None, _MOTION_RADII_PX[-1])]:
+            T = last.T_map_cam if predicted is None else predicted
+            source, feature = self._match_last(frame, T, position[known], last.frame, known, radius)
+            if predicted is None:
+                agreed = pose_by_consensus(position[source], frame.uv[feature], self.camera, _MIN_MOTION_INLIERS)
+                if agreed is None:
+                    continue
+                T, source, feature = agreed[0], source[agreed[1]], feature[agreed[1]]
+            if len(feature) < _MIN_MOTION_INLIERS:
                 continue
             every = max(len(source) // _MOTION_FEATURES, 1)
             source, feature = source[::every], feature[::every]
@@ -97,6 +101,7 @@ class Tracker:
                 frame.information[feature],
                 weight,
                 self.camera,
+                ray_error[source],
                 rounds=_MOTION_ROUNDS,
             )
             if np.count_nonzero(estimate.inlier & (weight > 0)) >= _MIN_MOTION_INLIERS:
@@ -180,20 +185,29 @@ class Tracker:
         hit = found >= 0
         return source_row[hit], found[hit]
 
-    def _points_of(self, last: Located) -> NDArray[np.float64]:
-        """Map positions (N, 3) of a frame's features: the landmark's, else by stereo; NaN where unknown."""
+    def _points_of(self, last: Located) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Map positions (N, 3) of a frame's features, the landmark's, else by stereo; NaN where unknown.
+
+        With them the standard deviations along the rays on which they were seen, as vectors (N, 3) in the map, m.
+        """
         T = last.T_map_cam
-        position = last.frame.features.position_cam.astype(np.float64) @ T[:3, :3].T + T[:3, 3]
+        ray = last.frame.features.position_cam.astype(np.float64) @ T[:3, :3].T
+        position = ray + T[:3, 3]
+        sigma_px = self.settings.disparity_sigma_px * self._level_scale[last.frame.octave]
+        error = ray * (sigma_px * np.linalg.norm(ray, axis=1) / self.camera.bf)[:, None]
         rows = self.landmarks.rows(last.landmark_id)
-        position[rows >= 0] = self.landmarks.position[rows[rows >= 0]]
-        return position
+        known = rows >= 0
+        position[known] = self.landmarks.position[rows[known]]
+        error[known] = self._depth_error(rows[known], T)
+        return position, error
 
     def _depth_error(self, row: NDArray[np.int64], T_map_cam: Pose) -> NDArray[np.float64]:
         """Standard deviation along the viewing ray (M, 3), m, from stereo noise and the number of observations."""
         store = self.landmarks
         distance = np.linalg.norm(store.position[row] - T_map_cam[:3, 3], axis=1)
         one_view = self.settings.disparity_sigma_px * store.max_distance[row] * distance / self.camera.bf
-        return np.asarray(store.normal[row] * (one_view / np.sqrt(store.n_observations[row]))[:, None], np.float64)
+        error = one_view / np.sqrt(np.maximum(store.n_observations[row], 1))
+        return np.asarray(store.normal[row] * error[:, None], np.float64)
 
     def _weights(
         self,

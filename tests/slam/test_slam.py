@@ -150,7 +150,7 @@ def test_traffic_does_not_steer_the_pose(street: Street) -> None:
 
 
 def test_dirt_on_the_lens_does_not_stand_for_the_street() -> None:
-    """A short baseline, long steps from the first frame on, look-alikes, and specks seen at the same pixels for ever."""
+    """A short baseline, long steps from the first frame on, look-alikes, specks seen at the same pixels for ever."""
     street = Street()
     street.descriptor = street.descriptor[np.random.default_rng(6).integers(0, 60, len(street.descriptor))]
     camera = replace(CAMERA, fx=528.0, fy=528.0, baseline_m=0.12)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,6 +32,8 @@ from autowaze.world.pose import Pose, inverse, transform
 
 _BOX_MARGIN_M = 0.1  # labelled boxes end short of bumpers, but a wider rim takes in those of the car behind
 _MIN_IOU = 0.5
+_MASK_RIM_PX = 5
+"""Corners of the roof lie on the rim of a mask, which is good to a cell of the network's output: 4 pixels."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +131,7 @@ def features_of(vehicle: ParkedVehicle, stored_map: FeatureMap, T_map_world: Pos
 
 
 class BlindExtractor:
-    """Drops the features inside the mask of one labelled object."""
+    """Drops the features inside the mask of one labelled object, and those on its rim."""
 
     def __init__(self, inner: FeatureExtractor, labels: ObjectLabels, segmenter: Segmenter) -> None:
         self._inner = inner
@@ -142,6 +145,8 @@ class BlindExtractor:
         if not len(row):
             return features
         mask = mask_of(self._labels.box[row[0]], self._segmenter.segment(frame.left), frame.left.shape[:2])
+        rim = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _MASK_RIM_PX + 1, 2 * _MASK_RIM_PX + 1))
+        mask = cv2.dilate(mask.astype(np.uint8), rim) > 0
         u, v = np.rint(features.uv).astype(np.int64).T
         return features[~mask[np.clip(v, 0, mask.shape[0] - 1), np.clip(u, 0, mask.shape[1] - 1)]]
 

@@ -1,5 +1,6 @@
 """A service that was read from a snapshot is the one that was kept, in everything that it says from then on."""
 
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -84,3 +85,15 @@ def test_whatever_bytes_are_no_snapshot():
     for bad in (b"", b"nonsense", data[:-20], unknown, strange):
         with pytest.raises(SnapshotError):
             unpack(bad)
+
+
+def test_packing_rests_until_there_is_a_hurry():
+    kept = {"rows": [[np.arange(4)] for _ in range(200_000)]}
+    hurry, packed = threading.Event(), []
+    packing = threading.Thread(target=lambda: packed.append(pack(kept, hurry)))
+    packing.start()
+    packing.join(0.5)
+    assert packing.is_alive()
+    hurry.set()
+    packing.join(20)
+    assert packed == [pack(kept)]

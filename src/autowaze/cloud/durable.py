@@ -130,11 +130,11 @@ class DurableService:
             self.store.check()
             self._mend()
 
-    def snapshot(self, gently: bool = False) -> int:
+    def snapshot(self, hurry: threading.Event | None = None) -> int:
         """Keep the state in the store, so that a new process need not replay the log; returns its position.
 
-        Diffs wait only while tables are copied, not while they are packed and written; `gently` leaves them most of
-        the interpreter meanwhile.
+        Diffs wait only while tables are copied, not while they are packed and written; until `hurry` is set they get
+        most of the interpreter meanwhile.
         """
         with self._lock:
             self._mend()
@@ -143,7 +143,7 @@ class DurableService:
             if self._admission is not None:
                 kept["admission"] = self._admission.kept()
             kept["followers"] = {name: follower.kept() for name, follower in self._followers.items()}
-        self.store.save_snapshot(position, pack(kept, gently))
+        self.store.save_snapshot(position, pack(kept, hurry))
         return position
 
     def _take_in(self, payloads: Sequence[bytes], senders: Sequence[str | None]) -> list[Update | WireError]:

@@ -10,6 +10,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.cloud.clipping import clipped_area_m2, outline_area_m2
+
 
 @numba.njit(cache=True, nogil=True)
 def leaders_and_clusters(corners: NDArray[np.float64], least_iou: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -86,44 +88,5 @@ def _iou(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
         high_other = max(other[0, axis], other[1, axis], other[2, axis], other[3, axis])
         if low_one > high_other or low_other > high_one:
             return 0.0
-    common = _common_m2(one, other)
-    return common / (_area_m2(one, 4) + _area_m2(other, 4) - common)
-
-
-@numba.njit(cache=True, nogil=True)
-def _common_m2(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Area of one outline clipped by the sides of the other (Sutherland and Hodgman 1974)."""
-    ring, clipped = np.empty((8, 2)), np.empty((8, 2))
-    ring[:4] = one
-    count = 4
-    for side in range(4):
-        x0, y0 = other[side]
-        x1, y1 = other[(side + 1) % 4]
-        kept = 0
-        for row in range(count):
-            ax, ay = ring[row]
-            bx, by = ring[(row + 1) % count]
-            a = (x1 - x0) * (ay - y0) - (y1 - y0) * (ax - x0)
-            b = (x1 - x0) * (by - y0) - (y1 - y0) * (bx - x0)
-            if a >= 0.0:
-                clipped[kept, 0], clipped[kept, 1] = ax, ay
-                kept += 1
-            if (a >= 0.0) != (b >= 0.0):
-                clipped[kept, 0] = ax + (bx - ax) * a / (a - b)
-                clipped[kept, 1] = ay + (by - ay) * a / (a - b)
-                kept += 1
-        ring, clipped = clipped, ring
-        count = kept
-        if count < 3:
-            return 0.0
-    return _area_m2(ring, count)
-
-
-@numba.njit(cache=True, nogil=True)
-def _area_m2(ring: NDArray[np.float64], count: int) -> float:
-    total = 0.0
-    for row in range(count):  # from the first corner: products of map coordinates would lose digits
-        ax, ay = ring[row, 0] - ring[0, 0], ring[row, 1] - ring[0, 1]
-        bx, by = ring[(row + 1) % count, 0] - ring[0, 0], ring[(row + 1) % count, 1] - ring[0, 1]
-        total += ax * by - ay * bx
-    return abs(total) / 2
+    common = clipped_area_m2(one, other)
+    return common / (outline_area_m2(one, 4) + outline_area_m2(other, 4) - common)

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.cloud.instances import InstanceViews
-from autowaze.cloud.integration import MapState, VehicleFeatures
+from autowaze.cloud.integration import MapState
 from autowaze.cloud.neighbours import number_parts
+from autowaze.cloud.vehicle_features import VehicleFeatures
 from autowaze.world.labels import VEHICLES, is_vehicle
 
 SPLIT_GAP_M = 0.6

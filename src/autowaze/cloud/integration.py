@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from autowaze.cloud.diff_kernels import among, any_of, starts_of_blocks
+from autowaze.cloud.diff_kernels import among, starts_of_blocks
 from autowaze.cloud.instances import InstanceTable
 from autowaze.cloud.map_tiles import MapTiles, OutdatedMapError
 from autowaze.cloud.removals import RemovalVotes
+from autowaze.cloud.vehicle_features import VehicleFeatures
 from autowaze.cloud.witnesses import Witnesses
-from autowaze.world.columns import Columns
 from autowaze.world.feature_map import FeatureMap, MapFeatures
 from autowaze.world.georeference import Georeference
 from autowaze.world.identity import ROW_BITS, SEQUENCE_BITS, instance_keys
@@ -51,22 +51,6 @@ class MapChange:
     removed: NDArray[np.uint64]
     instances: NDArray[np.uint64]
     tiles: tuple[Tile, ...]
-
-
-@dataclass
-class VehicleFeatures(Columns):
-    """What boxes are drawn from, N rows; columns as in `MapFeatures`."""
-
-    position: NDArray[np.float64]
-    instance_key: NDArray[np.uint64]
-    label: NDArray[np.uint8]
-    normal: NDArray[np.float32]
-    last_seen: NDArray[np.float64]
-
-
-_NO_VEHICLE = VehicleFeatures(
-    np.zeros((0, 3)), np.zeros(0, np.uint64), np.zeros(0, np.uint8), np.zeros((0, 3), np.float32), np.zeros(0)
-)
 
 
 class MapState:
@@ -218,19 +202,10 @@ class MapState:
         for key in instances.tolist():
             for number in sorted(self._blocks_of_instance.get(key, ()))[:MAX_WINDOWS]:
                 keys_of_block.setdefault(number, []).append(key)
-        parts = [_NO_VEHICLE]
+        parts = [VehicleFeatures.empty()]
         for number, keys in sorted(keys_of_block.items()):
             block = self._blocks[number]
-            rows = np.flatnonzero(is_vehicle(block.label) & any_of(block.instance_key, np.array(keys, np.uint64)))
-            parts.append(
-                VehicleFeatures(
-                    block.position[rows],
-                    block.instance_key[rows],
-                    block.label[rows],
-                    block.normal[rows],
-                    block.last_seen[rows],
-                )
-            )
+            parts.append(VehicleFeatures.of(block, np.array(keys, np.uint64)))
         return VehicleFeatures.concatenate(parts)
 
     def _add(self, number: int, features: MapFeatures) -> MapFeatures:

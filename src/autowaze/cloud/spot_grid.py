@@ -14,6 +14,7 @@ import shapely
 from numpy.typing import NDArray
 
 from autowaze.cloud.cell_kernels import blocks_of_cells
+from autowaze.cloud.clipping import clipped_area_m2
 from autowaze.world.ground import CELL_M
 
 _BLOCK_BITS = 6
@@ -163,7 +164,7 @@ def _overlaps(
                         continue
                     if y != max(cell_y, math.floor(bounds[spot, 1] / _CELL_M)):
                         continue
-                    area = _common_m2(ring, ring_starts[spot], ring_starts[spot + 1], corners[box])
+                    area = clipped_area_m2(ring[ring_starts[spot] : ring_starts[spot + 1]], corners[box])
                     if area <= 0.0:
                         continue
                     if count == len(areas):
@@ -243,41 +244,3 @@ def _place(x: float, y: float, ring: NDArray[np.float64], first: int, end: int) 
         away_x, away_y = ax + share * step_x - x, ay + share * step_y - y
         nearest2 = min(nearest2, away_x * away_x + away_y * away_y)
     return inside, nearest2
-
-
-@numba.njit(cache=True, nogil=True)
-def _common_m2(ring: NDArray[np.float64], first: int, end: int, box: NDArray[np.float64]) -> float:
-    """Area of a ring clipped by the sides of a convex box (Sutherland and Hodgman 1974)."""
-    turn = 1.0
-    if (box[1, 0] - box[0, 0]) * (box[2, 1] - box[1, 1]) < (box[1, 1] - box[0, 1]) * (box[2, 0] - box[1, 0]):
-        turn = -1.0
-    count = end - first
-    # Each side adds half of the corners again at most.
-    left, clipped = np.empty((6 * count + 8, 2)), np.empty((6 * count + 8, 2))
-    left[:count] = ring[first:end]
-    for side in range(4):
-        x0, y0 = box[side]
-        x1, y1 = box[(side + 1) % 4]
-        kept = 0
-        for row in range(count):
-            ax, ay = left[row]
-            bx, by = left[(row + 1) % count]
-            a = turn * ((x1 - x0) * (ay - y0) - (y1 - y0) * (ax - x0))
-            b = turn * ((x1 - x0) * (by - y0) - (y1 - y0) * (bx - x0))
-            if a >= 0.0:
-                clipped[kept, 0], clipped[kept, 1] = ax, ay
-                kept += 1
-            if (a >= 0.0) != (b >= 0.0):
-                clipped[kept, 0] = ax + (bx - ax) * a / (a - b)
-                clipped[kept, 1] = ay + (by - ay) * a / (a - b)
-                kept += 1
-        left, clipped = clipped, left
-        count = kept
-        if count < 3:
-            return 0.0
-    total = 0.0
-    for row in range(count):  # from the first corner: products of map coordinates would lose digits
-        after = (row + 1) % count
-        total += (left[row, 0] - left[0, 0]) * (left[after, 1] - left[0, 1])
-        total -= (left[row, 1] - left[0, 1]) * (left[after, 0] - left[0, 0])
-    return abs(total) / 2

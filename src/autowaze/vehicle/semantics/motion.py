@@ -15,7 +15,15 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from autowaze.vehicle.semantics.rematching import match_near_by, match_within_instances
+from autowaze.vehicle.semantics.displacement import (
+    ACCELERATION,
+    Sighting,
+    Velocity,
+    agreed_displacement,
+    log_normal,
+    pose_jump,
+)
+from autowaze.vehicle.semantics.rematching import match_within_instances
 from autowaze.world.camera import StereoCamera
 from autowaze.world.columns import Columns
 from autowaze.world.features import CameraFeatures
@@ -80,19 +88,6 @@ class Motions(Columns):
         )
 
 
-@dataclass(frozen=True)
-class _Sighting:
-    """Features of one frame with depth, sorted by instance; positions are in the map, without the pose's jumps."""
-
-    timestamp: float
-    instance: NDArray[np.int32]
-    label: NDArray[np.uint8]
-    descriptor: NDArray[np.uint8]
-    position: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    common: NDArray[np.float64]
-
-
 @dataclass
 class _Belief:
     """Log odds of moving, velocity (2,) in m/s with its covariance (2, 2), and when the instance was last seen."""
@@ -103,31 +98,11 @@ class _Belief:
     last_seen: float
 
 
-@dataclass(frozen=True)
-class _Velocity:
-    """Mean (2,) in m/s with its covariance (2, 2), measured over a span of seconds."""
-
-    mean: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    span: float
-
-    def agrees_with(self, other: _Velocity) -> bool:
-        """Whether both may be of one motion, given what traffic may change in between."""
-        changed = np.eye(2) * (_ACCELERATION * abs(self.span - other.span)) ** 2
-        difference = self.mean - other.mean
-        covariance = self.covariance + other.covariance + changed
-        return bool(difference @ np.linalg.solve(covariance, difference) < _GATE_2)
-
-
 # Before any evidence: vehicles mostly stand at the kerb, people mostly walk.
 _PRIOR_LOG_ODDS = {ClassLabel.PERSON: 1.0, ClassLabel.ANIMAL: 1.0, ClassLabel.TWO_WHEELER: 0.0}
 _PRIOR_LOG_ODDS_OTHERS = -1.0
 _MAX_LOG_ODDS, _MAX_STEP = 6.0, 3.0
-_GATE = 11.34  # chi-square, 3 degrees of freedom, 99 %
-_GATE_2 = 9.21  # the same of 2
-_BACKGROUND_M, _BACKGROUND_FEATURES, _MIN_BACKGROUND = 20.0, 300, 20
-_MIN_JUMP_M = 0.15  # below it the displacement of the background is noise
-_ACCELERATION = 2.0  # m/s^2, standard deviation of what traffic does
+_BACKGROUND_M, _BACKGROUND_FEATURES = 20.0, 300
 
 
 class MotionClassifier:
@@ -136,8 +111,8 @@ class MotionClassifier:
     def __init__(self, camera: StereoCamera, settings: MotionSettings = MotionSettings()) -> None:
         self.camera = camera
         self.settings = settings
-        self._sightings: deque[_Sighting] = deque()
-        self._background: _Sighting | None = None
+        self._sightings: deque[Sighting] = deque()
+        self._background: Sighting | None = None
         self._jumps = np.zeros(3)
         self._beliefs: dict[int, _Belief] = {}
 
@@ -173,11 +148,11 @@ class MotionClassifier:
             velocity.astype(np.float32),
         )
 
-    def _sight(self, features: CameraFeatures, T_map_cam: Pose, timestamp: float) -> _Sighting:
+    def _sight(self, features: CameraFeatures, T_map_cam: Pose, timestamp: float) -> Sighting:
         near = (features.instance_id == 0) & (features.depth < _BACKGROUND_M)
         background = self._place(features, np.flatnonzero(near)[:_BACKGROUND_FEATURES], T_map_cam, timestamp)
         if self._background is not None:
-            jump = _jump(background, self._background)
+            jump = pose_jump(background, self._background)
             self._jumps = self._jumps + jump
             background = replace(background, position=background.position - jump)
         self._background = background
@@ -185,11 +160,11 @@ class MotionClassifier:
         rows = rows[np.argsort(features.instance_id[rows], kind="stable")]
         return self._place(features, rows, T_map_cam, timestamp)
 
-    def _place(self, features: CameraFeatures, rows: NDArray[np.int64], T_map_cam: Pose, timestamp: float) -> _Sighting:
+    def _place(self, features: CameraFeatures, rows: NDArray[np.int64], T_map_cam: Pose, timestamp: float) -> Sighting:
         f = features[rows]
         covariance, common = self._covariances(f, T_map_cam[:3, :3])
         position = transform(T_map_cam, f.position_cam.astype(np.float64)) - self._jumps
-        return _Sighting(timestamp, f.instance_id, f.label, f.descriptor, position, covariance, common)
+        return Sighting(timestamp, f.instance_id, f.label, f.descriptor, position, covariance, common)
 
     def _covariances(
         self, f: CameraFeatures, R_map_cam: NDArray[np.float64]
@@ -222,9 +197,9 @@ class MotionClassifier:
         while self._sightings and timestamp - self._sightings[0].timestamp > 1.5 * self.settings.spans_s[0]:
             self._sightings.popleft()
 
-    def _earlier(self, timestamp: float) -> list[_Sighting]:
+    def _earlier(self, timestamp: float) -> list[Sighting]:
         """The sightings nearest to the wanted spans, the oldest first, each once."""
-        found: list[_Sighting] = []
+        found: list[Sighting] = []
         for span in self.settings.spans_s:
             past = [s for s in self._sightings if s.timestamp < timestamp]
             nearest = min(past, key=lambda s: abs(timestamp - s.timestamp - span), default=None)
@@ -232,14 +207,14 @@ class MotionClassifier:
                 found.append(nearest)
         return found
 
-    def _judge(self, now: _Sighting) -> None:
+    def _judge(self, now: Sighting) -> None:
         """Add the evidence of the longest span that can be believed, for each instance that is found again.
 
         Two wheels of a car look alike: taken for one they make it seem to drive. The way between them is the same
         over any span, while that of what moves grows with it, so motion must show at one speed over two spans.
         """
         judged: set[int] = set()
-        claims: dict[int, _Velocity] = {}
+        claims: dict[int, Velocity] = {}
         earlier = self._earlier(now.timestamp)
         for number, sighting in enumerate(earlier):
             shortest = number + 1 == len(earlier)
@@ -253,7 +228,7 @@ class MotionClassifier:
                 judged.add(instance)
                 self._weigh(self._beliefs[instance], claim if claim and confirmed else found, now.timestamp)
 
-    def _velocities(self, now: _Sighting, earlier: _Sighting, judged: set[int]) -> dict[int, _Velocity]:
+    def _velocities(self, now: Sighting, earlier: Sighting, judged: set[int]) -> dict[int, Velocity]:
         """Velocities of the instances that are found again in an earlier frame and not judged yet."""
         partner = match_within_instances(now.descriptor, now.instance, earlier.descriptor, earlier.instance)
         rows = np.flatnonzero(partner >= 0)
@@ -268,62 +243,27 @@ class MotionClassifier:
             if instance in judged or n < self.settings.min_matches:
                 continue
             part = slice(start, start + n)
-            agreed = _consensus(displacement[part], covariance[part], self.settings.min_matches)
+            agreed = agreed_displacement(displacement[part], covariance[part], self.settings.min_matches)
             if agreed is not None:
                 mean, spread = agreed
                 P = (spread + common[part].mean(axis=0))[:2, :2] / span**2
-                found[instance] = _Velocity(mean[:2] / span, P, span)
+                found[instance] = Velocity(mean[:2] / span, P, span)
         return found
 
-    def _log_factor(self, found: _Velocity) -> float:
+    def _log_factor(self, found: Velocity) -> float:
         """Log of the Bayes factor of moving over standing."""
         s = self.settings
-        return _log_normal(found.mean, found.covariance + np.eye(2) * s.moving_mps**2) - _log_normal(
+        return log_normal(found.mean, found.covariance + np.eye(2) * s.moving_mps**2) - log_normal(
             found.mean, found.covariance + np.eye(2) * s.still_mps**2
         )
 
-    def _weigh(self, belief: _Belief, found: _Velocity, timestamp: float) -> None:
+    def _weigh(self, belief: _Belief, found: Velocity, timestamp: float) -> None:
         """Take a measured velocity into a belief."""
         elapsed = timestamp - self._sightings[-1].timestamp
         # Spans of successive frames overlap: each brings only its own share of news.
         step = np.clip(self._log_factor(found) * min(elapsed / found.span, 1.0), -_MAX_STEP, _MAX_STEP)
         belief.log_odds = float(np.clip(belief.log_odds + step, -_MAX_LOG_ODDS, _MAX_LOG_ODDS))
-        drifted = belief.covariance + np.eye(2) * (_ACCELERATION * elapsed) ** 2
+        drifted = belief.covariance + np.eye(2) * (ACCELERATION * elapsed) ** 2
         gain = drifted @ np.linalg.inv(drifted + found.covariance)
         belief.velocity = belief.velocity + gain @ (found.mean - belief.velocity)
         belief.covariance = drifted - gain @ drifted
-
-
-def _jump(now: _Sighting, before: _Sighting) -> NDArray[np.float64]:
-    """By how much (3,) the pose jumped since the frame before, as what stands seems to have moved; zero if not."""
-    partner = match_near_by(now.descriptor, now.position, before.descriptor, before.position)
-    rows = np.flatnonzero(partner >= 0)
-    displacement = now.position[rows] - before.position[partner[rows]]
-    agreed = _consensus(displacement, now.covariance[rows] + before.covariance[partner[rows]], _MIN_BACKGROUND)
-    if agreed is None or np.linalg.norm(agreed[0]) < _MIN_JUMP_M:
-        return np.zeros(3)
-    return agreed[0]
-
-
-def _consensus(
-    displacement: NDArray[np.float64], covariance: NDArray[np.float64], min_matches: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """The displacement (3,) that most matches agree with, weighted by information, and its covariance (3, 3).
-
-    Every match's displacement (N, 3) is tried, and none at all; with `covariance` (N, 3, 3) each says who agrees.
-    """
-    information = np.linalg.inv(covariance)
-    tried = np.concatenate([np.zeros((1, 3)), displacement])
-    difference = displacement[None, :, :] - tried[:, None, :]
-    agrees = np.einsum("hni,nij,hnj->hn", difference, information, difference) < _GATE
-    inliers = agrees[int(np.argmax(agrees.sum(axis=1)))]
-    if inliers.sum() < max(min_matches, 0.4 * len(displacement)):
-        return None
-    spread = np.linalg.inv(information[inliers].sum(axis=0))
-    mean = spread @ np.einsum("nij,nj->i", information[inliers], displacement[inliers])
-    return mean, spread
-
-
-def _log_normal(x: NDArray[np.float64], covariance: NDArray[np.float64]) -> float:
-    """Log density of a zero-mean normal distribution, without the constant."""
-    return float(-0.5 * (x @ np.linalg.solve(covariance, x) + np.log(np.linalg.det(covariance))))

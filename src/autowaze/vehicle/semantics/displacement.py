@@ -1,0 +1,81 @@
+"""How far matched points moved between two frames, and what the most of them agree on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autowaze.vehicle.semantics.rematching import match_near_by
+
+ACCELERATION = 2.0
+"""m/s^2, standard deviation of what traffic does."""
+_GATE = 11.34  # chi-square, 3 degrees of freedom, 99 %
+_GATE_2 = 9.21  # the same of 2
+_MIN_BACKGROUND = 20
+_MIN_JUMP_M = 0.15  # below it the displacement of the background is noise
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """Features of one frame with depth, sorted by instance; positions are in the map, without the pose's jumps."""
+
+    timestamp: float
+    instance: NDArray[np.int32]
+    label: NDArray[np.uint8]
+    descriptor: NDArray[np.uint8]
+    position: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    common: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Velocity:
+    """Mean (2,) in m/s with its covariance (2, 2), measured over a span of seconds."""
+
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    span: float
+
+    def agrees_with(self, other: Velocity) -> bool:
+        """Whether both may be of one motion, given what traffic may change in between."""
+        changed = np.eye(2) * (ACCELERATION * abs(self.span - other.span)) ** 2
+        difference = self.mean - other.mean
+        covariance = self.covariance + other.covariance + changed
+        return bool(difference @ np.linalg.solve(covariance, difference) < _GATE_2)
+
+
+def pose_jump(now: Sighting, before: Sighting) -> NDArray[np.float64]:
+    """By how much (3,) the pose jumped since the frame before, as what stands seems to have moved; zero if not."""
+    partner = match_near_by(now.descriptor, now.position, before.descriptor, before.position)
+    rows = np.flatnonzero(partner >= 0)
+    displacement = now.position[rows] - before.position[partner[rows]]
+    agreed = agreed_displacement(displacement, now.covariance[rows] + before.covariance[partner[rows]], _MIN_BACKGROUND)
+    if agreed is None or np.linalg.norm(agreed[0]) < _MIN_JUMP_M:
+        return np.zeros(3)
+    return agreed[0]
+
+
+def agreed_displacement(
+    displacement: NDArray[np.float64], covariance: NDArray[np.float64], min_matches: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """The displacement (3,) that most matches agree with, weighted by information, and its covariance (3, 3).
+
+    Every match's displacement (N, 3) is tried, and none at all; with `covariance` (N, 3, 3) each says who agrees.
+    """
+    information = np.linalg.inv(covariance)
+    tried = np.concatenate([np.zeros((1, 3)), displacement])
+    difference = displacement[None, :, :] - tried[:, None, :]
+    agrees = np.einsum("hni,nij,hnj->hn", difference, information, difference) < _GATE
+    inliers = agrees[int(np.argmax(agrees.sum(axis=1)))]
+    if inliers.sum() < max(min_matches, 0.4 * len(displacement)):
+        return None
+    spread = np.linalg.inv(information[inliers].sum(axis=0))
+    mean = spread @ np.einsum("nij,nj->i", information[inliers], displacement[inliers])
+    return mean, spread
+
+
+def log_normal(x: NDArray[np.float64], covariance: NDArray[np.float64]) -> float:
+    """Log density of a zero-mean normal distribution, without the constant."""
+    return float(-0.5 * (x @ np.linalg.solve(covariance, x) + np.log(np.linalg.det(covariance))))

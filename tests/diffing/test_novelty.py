@@ -19,6 +19,8 @@ def candidates(
     sigma: float = 0.1,
     deviation: float = 0.0,
     wanted: int | None = None,
+    place_sigma: float | None = None,
+    offset_px: float = 10.0,
 ) -> Candidates:
     rng = np.random.default_rng(n)
     return Candidates(
@@ -29,6 +31,8 @@ def candidates(
         found=np.full(n, found),
         wanted=np.full(n, found if wanted is None else wanted),
         depth_sigma_m=np.full(n, sigma),
+        position_sigma_m=np.full(n, sigma if place_sigma is None else place_sigma),
+        offset_px=np.full(n, offset_px),
         deviation_m=np.full(n, deviation),
     )
 
@@ -41,6 +45,14 @@ def test_flickers_and_far_features_wait() -> None:
     once, far = candidates(9, ClassLabel.BACKGROUND, found=1), candidates(9, ClassLabel.BACKGROUND, sigma=2.0)
     assert len(new_features(once, NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)) == 0
     assert len(new_features(far, NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)) == 0
+
+
+def test_far_features_are_news_once_several_views_tell_where_they_are() -> None:
+    triangulated = candidates(9, ClassLabel.BACKGROUND, sigma=2.0, place_sigma=0.3)
+    harmless = candidates(9, ClassLabel.BACKGROUND, sigma=5.0, place_sigma=1.0, offset_px=1.5)
+    on_a_car = candidates(9, ClassLabel.CAR, 3, sigma=2.0, place_sigma=0.3, offset_px=1.5)
+    for kind, number in ((triangulated, 9), (harmless, 9), (on_a_car, 0)):
+        assert len(new_features(kind, NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)) == number
 
 
 def test_a_landmark_that_drifted_from_where_it_was_seen_is_no_feature() -> None:

@@ -29,6 +29,8 @@ class Candidates:
         found: (N,) int64, frames that matched it.
         wanted: (N,) int64, those of them that found too little of the stored map.
         depth_sigma_m: (N,) float64, of its nearest observation.
+        position_sigma_m: (N,) float64, of its position where it is known worst, by all views of it together.
+        offset_px: (N,) float64, how far off such an error makes it appear in the next lane.
         deviation_m: (N,) float64, how far its position lies from where that observation saw it.
     """
 
@@ -39,6 +41,8 @@ class Candidates:
     found: NDArray[np.int64]
     wanted: NDArray[np.int64]
     depth_sigma_m: NDArray[np.float64]
+    position_sigma_m: NDArray[np.float64]
+    offset_px: NDArray[np.float64]
     deviation_m: NDArray[np.float64]
 
 
@@ -61,11 +65,14 @@ def new_features(
         byte_budget: what the features may take on the wire.
     """
     movable = is_movable(candidates.label)
+    depth_is_certain = candidates.depth_sigma_m <= settings.max_depth_sigma_m
+    place_is_certain = candidates.position_sigma_m <= settings.max_depth_sigma_m
+    place_is_certain |= candidates.offset_px <= settings.max_offset_px
     eligible = (
         np.where(
             movable, candidates.found >= settings.min_found_vehicle, candidates.wanted >= settings.min_found_static
         )
-        & (candidates.depth_sigma_m <= settings.max_depth_sigma_m)
+        & np.where(movable, depth_is_certain, place_is_certain)
         & (candidates.deviation_m <= _SIGMAS * candidates.depth_sigma_m + settings.max_depth_sigma_m)
         & ~np.isin(candidates.instance, moving_instances[moving_instances != 0])
         & ~np.isin(candidates.label, _NEVER_MAPPED)

@@ -22,7 +22,10 @@ class DiffSettings(BaseModel):
         neighbourhood_m: edge of the cells that features are grouped by.
         min_found_static, min_found_vehicle: frames that must have matched a new feature. Cars are passed in 6 to 12
             frames, so theirs are few.
-        max_depth_sigma_m: a new feature must have been seen near enough for its depth to be this certain.
+        max_depth_sigma_m: a new feature must have been seen near enough for its depth to be this certain; of one that
+            stands, the place, by all views together.
+        max_offset_px: or else it must be so certain, if it stands, that a car in the next lane will see it so nearly
+            where it is foretold.
         max_new_static: described features per window; the best-seen ones, spread in space.
         max_per_instance: features per instance.
         max_diff_bytes: room for the whole diff; static features take what vehicles and ground leave (thesis, sec. 4.5:
@@ -50,6 +53,7 @@ class DiffSettings(BaseModel):
     min_found_static: int = Field(default=3, ge=1)
     min_found_vehicle: int = Field(default=2, ge=1)
     max_depth_sigma_m: float = Field(default=0.35, gt=0)
+    max_offset_px: float = Field(default=2.0, ge=0)
     max_new_static: int = Field(default=1000, ge=0)
     max_per_instance: int = Field(default=100, ge=1)
     max_diff_bytes: int = Field(default=55_000, ge=2000)

@@ -173,7 +173,8 @@ class StereoSlam:
         covariance = np.diag([START_SIGMA_M**2] * 3 + [0.1] * 3)
         self._uncertainty.widen(covariance)
         reason = "not found in the stored map; odometry from the given start"
-        return self._found(Located.at(frame, self._T_start), timestamp, index, reason)
+        here = self._T_start[:3, 3] if fix is None else fix.position  # it has driven on since the start was given
+        return self._found(Located.at(frame, make_pose(self._T_start[:3, :3], here)), timestamp, index, reason)
 
     def _follow(self, frame: ObservedFrame) -> Located | None:
         """Pose by prediction from the last frame, or None."""

@@ -4,6 +4,7 @@ import hashlib
 import socket
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
 
 import httpx
 import numpy as np
@@ -102,16 +103,22 @@ def test_a_diff_that_could_not_be_kept_is_not_acknowledged(site, payloads):
     assert site.client.get("/ready").status_code == 200
 
 
-def test_one_poisonous_diff_does_not_take_others_with_it(site, payloads):
-    integrate = type(site.durable.service).integrate
+def _poisons(asked, *rest):
+    taken = asked if isinstance(asked, list) else [SimpleNamespace(diff=asked)]
+    return any(one.diff.sequence == 1 for one in taken)
 
-    def poisoned(service, diff, *rest):
-        if diff.sequence == 1:
+
+@pytest.mark.parametrize("step", ["take", "settle"])
+def test_one_poisonous_diff_does_not_take_others_with_it(site, payloads, step):
+    healthy = getattr(type(site.durable.service), step)
+
+    def poisoned(service, *asked):
+        if _poisons(*asked):
             raise RuntimeError("a defect")
-        return integrate(service, diff, *rest)
+        return healthy(service, *asked)
 
     with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(8) as cars:
-        patch.setattr("autowaze.cloud.service.CloudService.integrate", poisoned)
+        patch.setattr(f"autowaze.cloud.service.CloudService.{step}", poisoned)
         responses = list(cars.map(site.hand_in, payloads))
     assert [response.status_code == 202 for response in responses] == [n != 1 for n in range(len(payloads))]
     assert_problem(responses[1], 500, "internal")

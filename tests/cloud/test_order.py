@@ -1,5 +1,7 @@
 """A set of diffs leads to one state, whatever their order."""
 
+from itertools import pairwise
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -26,3 +28,30 @@ def test_the_order_of_arrival_does_not_matter(method, order, repeated):
     assert straight.states == shuffled.states
     assert straight.vacant() == shuffled.vacant()
     assert list(straight.vehicle_boxes) == list(shuffled.vehicle_boxes)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@given(cuts=st.sets(st.integers(1, 5)))
+@settings(max_examples=6, deadline=None)
+def test_diffs_taken_together_lead_to_the_state_of_one_after_the_other(method, cuts):
+    street = Street(count=8)
+    diffs = street.drive(street.park([0, 1, 3, 6]), session=1) + street.drive(
+        street.park([1, 2, 3]), session=2, start=5000.0, drift=(0.2, -0.1)
+    )
+    diffs = [diffs[i % len(diffs)] for i in range(6)]
+    straight, together = (CloudService(street.parking_map, method=method) for _ in range(2))
+    for diff in diffs:
+        straight.integrate(diff)
+    told = {}
+    for first, end in pairwise([0, *sorted(cuts), len(diffs)]):
+        updates = together.settle([together.take(diff) for diff in diffs[first:end]])
+        assert [update.version for update in updates if update.accepted] == sorted(
+            {update.version for update in updates if update.accepted}
+        )
+        for update in updates:
+            told.update({state.spot_id: state for state in update.spots})
+    assert straight.states == together.states
+    assert straight.vacant() == together.vacant()
+    assert list(straight.vehicle_boxes) == list(together.vehicle_boxes)
+    assert all(state == told[state.spot_id] for state in together.states if state.spot_id in told)
+    assert {state.spot_id for state in together.states if state.observed_at is not None} == set(told)

@@ -17,6 +17,7 @@ from autowaze.cloud.service import CloudService
 from autowaze.cloud.snapshot import SnapshotError, pack, unpack
 from autowaze.cloud.spot_edits import SpotEdit, check_edit
 from autowaze.cloud.store import Accepted, Store, StoreError
+from autowaze.cloud.taken_diffs import TakenDiff
 from autowaze.cloud.validation import RefusedDiffError
 from autowaze.world.errors import WireError
 from autowaze.world.map_diff import SemanticMapDiff
@@ -147,34 +148,38 @@ class DurableService:
         return position
 
     def _take_in(self, payloads: Sequence[bytes], senders: Sequence[str | None]) -> list[Update | WireError]:
-        results: list[Update | WireError] = []
+        taken: list[TakenDiff | WireError] = []
         accepted: list[Accepted] = []
-        updates, changed = [], {}
         for payload, sender in zip(payloads, senders, strict=True):
             try:
-                with self.service.times.stage("decode"):
-                    diff = decode_diff(payload)
-                with self.service.times.stage("admission"):
-                    self._admit(diff, payload, sender, accepted)
-                    source = self._admission.source_of(diff, sender) if self._admission else None
-                update = self.service.integrate(diff, len(payload), source)
+                one = self._taken(payload, sender, accepted)
             except WireError as error:
-                results.append(error)
+                taken.append(error)
                 continue
-            results.append(update)
-            if update.accepted:
-                received_at = self._clock()
+            taken.append(one)
+            if one.change is not None:
+                accepted.append(Accepted(*one.diff.key, self._clock(), bytes(payload)))
                 if self._admission is not None:
-                    self._admission.note(diff, received_at, sender)
-                accepted.append(Accepted(diff.session, diff.sequence, received_at, bytes(payload)))
-                updates.append(update)
-                changed.update({state.spot_id: state for state in update.spots})
+                    self._admission.note(one.diff, accepted[-1].received_at, sender)
+        settled = iter(self.service.settle([one for one in taken if not isinstance(one, WireError)]))
+        results = [one if isinstance(one, WireError) else next(settled) for one in taken]
+        updates = [one for one in results if not isinstance(one, WireError) and one.accepted]
         if accepted:
+            changed = {state.spot_id: state for update in updates for state in update.spots}
             self.store.commit(accepted, changed.values())
         if self._observe is not None:
             for kept, update in zip(accepted, updates, strict=True):
                 self._observe(update, kept.received_at)
         return results
+
+    def _taken(self, payload: bytes, sender: str | None, accepted: list[Accepted]) -> TakenDiff:
+        """A diff that the map has taken; raises `WireError` if it is none, or refused."""
+        with self.service.times.stage("decode"):
+            diff = decode_diff(payload)
+        with self.service.times.stage("admission"):
+            self._admit(diff, payload, sender, accepted)
+            source = self._admission.source_of(diff, sender) if self._admission else None
+        return self.service.take(diff, len(payload), source)
 
     def _admit(self, diff: SemanticMapDiff, payload: bytes, sender: str | None, waiting: list[Accepted]) -> None:
         """Refuse what the admission refuses, and other content under the key of a diff that was taken in before.

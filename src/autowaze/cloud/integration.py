@@ -8,7 +8,7 @@ its block, hence integrating a diff costs what the diff touches, however large t
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -99,6 +99,17 @@ class MapState:
         """Every feature of the map, sorted by id; costs the whole map."""
         blocks = [self._blocks[number] for number in sorted(self._blocks)]
         return MapFeatures.concatenate(blocks) if blocks else MapFeatures.empty()
+
+    def as_base_map(self) -> FeatureMap:
+        """The map for others to start from: it knows no instances, so features of vehicles face as those were seen."""
+        features = self.features
+        rows = np.flatnonzero(is_vehicle(features.label) & (features.instance_key != 0))
+        keys, instance = np.unique(features.instance_key[rows], return_inverse=True)
+        view = self.instances.views(keys).view_direction[instance]
+        told = view.any(axis=1)
+        normal = features.normal.copy()
+        normal[rows[told], :2] = -view[told]
+        return FeatureMap(replace(features, normal=normal), self.georeference, self.version)
 
     def knows(self, diff: SemanticMapDiff) -> bool:
         """Whether the diff was integrated already."""

@@ -20,6 +20,7 @@ from autowaze.world.identity import instance_keys
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.parking import Occupancy
 from autowaze.world.vehicles import VehicleBoxes
+from autowaze.world.wire import decode_map, encode_map
 
 OCCUPIED = [0, 1, 2, 4, 5, 7, 8, 9, 12, 13]
 STREETS = [Street(), Street(bays=True, heading=2.0)]
@@ -41,6 +42,18 @@ def test_box_centres_lie_where_the_cars_stand(street):
     for diff in street.drive(cars):
         service.integrate(diff)
     centres = service.vehicle_boxes.centre
+    error = [np.linalg.norm(centres - [car.x, car.y], axis=1).min() for car in cars]
+    assert np.median(error) < 0.4
+    assert max(error) < 0.8
+
+
+@pytest.mark.parametrize("street", STREETS, ids=NAMES)
+def test_vehicles_of_a_base_map_stand_where_its_survey_saw_them(street):
+    survey, cars = CloudService(street.parking_map), street.park(OCCUPIED)
+    for diff in street.drive(cars):
+        survey.integrate(diff)
+    base_map = decode_map(encode_map(survey.map.as_base_map()))
+    centres = CloudService(street.parking_map, base_map=base_map).vehicle_boxes.centre
     error = [np.linalg.norm(centres - [car.x, car.y], axis=1).min() for car in cars]
     assert np.median(error) < 0.4
     assert max(error) < 0.8

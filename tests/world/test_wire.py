@@ -16,7 +16,7 @@ from autowaze.world.errors import WireError
 from autowaze.world.feature_map import FeatureMap
 from autowaze.world.georeference import Georeference
 from autowaze.world.map_diff import SemanticMapDiff
-from autowaze.world.wire import MAX_BODY_BYTES, body_of, decode_diff, decode_map, encode_diff, encode_map
+from autowaze.world.wire import MAX_BODY_BYTES, _decode_map, body_of, decode_diff, decode_map, encode_diff, encode_map
 from autowaze.world.wire_rows import pack_rows, unpack_rows
 
 int64s = st.lists(st.integers(-(2**61), 2**61), max_size=300)
@@ -85,6 +85,20 @@ def test_a_map_survives_its_file_format() -> None:
     np.testing.assert_array_equal(received.features.id, features.id)
     np.testing.assert_array_equal(received.features.descriptor, features.descriptor)
     np.testing.assert_allclose(received.features.position, features.position, atol=0.00501)
+
+
+def test_a_map_file_tells_from_where_vehicles_were_seen() -> None:
+    features = random_diff(3, features=300).new
+    plain = ~features.described
+    assert plain.any()
+    angle = (features.instance_key[plain] % np.uint64(7)).astype(np.float64)
+    features.normal[plain] = np.stack([np.sin(angle), np.cos(angle), 0.0 * angle], axis=1)
+    told = plain & (features.instance_key > 0)
+    received = decode_map(encode_map(FeatureMap(features)))
+    np.testing.assert_allclose(received.features.normal[told], features.normal[told], atol=0.0125)
+    message = pb.FeatureMap(instance_count=3, instance_keys=pack_integers([0, 5, 6]), instance_views=b"\x00\x00")
+    with pytest.raises(WireError, match="instance_views"):
+        _decode_map(message)
 
 
 def test_a_newer_format_is_refused_by_its_number() -> None:

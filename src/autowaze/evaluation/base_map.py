@@ -62,4 +62,4 @@ def integrated(messages: Iterable[bytes], georeference: Georeference | None) -> 
     state = MapState(None, georeference)
     for message in messages:
         state.integrate(decode_diff(message))
-    return FeatureMap(state.features, georeference, state.version)
+    return state.as_base_map()

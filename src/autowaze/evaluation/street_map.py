@@ -74,8 +74,7 @@ def map_streets(
         state = MapState(stored, node.georeference)
         for message in drive.messages:
             state.integrate(decode_diff(message))
-        found = FeatureMap(state.features, state.georeference, state.version)
-        stored = _thinned(found, before, drive.T_map_cam, trace, per_metre)
+        stored = _thinned(state.as_base_map(), before, drive.T_map_cam, trace, per_metre)
         drives.append(drive)
     return StreetMap(stored or FeatureMap(), drives)
 

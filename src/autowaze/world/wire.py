@@ -33,9 +33,11 @@ from autowaze.world.wire_columns import (
     bounded_count,
     decode_features,
     decode_ground,
+    decode_instance_views,
     decode_instances,
     encode_features,
     encode_ground,
+    encode_instance_views,
     encode_instances,
 )
 from autowaze.world.wire_rows import (
@@ -171,6 +173,7 @@ def _encode_map(feature_map: FeatureMap) -> pb.FeatureMap:
         id=pack_integers(features.id.astype(np.int64), delta=True),
         instance_count=len(keys),
         instance_keys=pack_integers(keys.astype(np.int64), delta=True),
+        instance_views=encode_instance_views(features, index, len(keys)),
     )
 
 
@@ -184,6 +187,7 @@ def _decode_map(message: pb.FeatureMap, most_features: int = MAX_MAP_FEATURES) -
     if (np.diff(features.id.astype(np.int64)) <= 0).any():
         raise WireError("id: ids are not in ascending order")
     features.instance_key = keys[index] if len(features) else np.zeros(0, np.uint64)
+    decode_instance_views(message.instance_views, features, index, key_count)
     return FeatureMap(features, decode_georeference(message), message.version)
 
 

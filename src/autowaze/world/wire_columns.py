@@ -12,6 +12,7 @@ from autowaze.world.column_codec import (
     pack_normals,
     unpack_bits,
     unpack_columns,
+    unpack_integers,
     unpack_normals,
 )
 from autowaze.world.errors import WireError
@@ -124,15 +125,37 @@ def _log_distance(metres: NDArray[np.floating]) -> NDArray[np.int64]:
     return np.asarray(np.clip(steps, 0, 255), dtype=np.int64)
 
 
+def encode_instance_views(features: MapFeatures, instance: NDArray[np.integer], count: int) -> bytes:
+    """From where each of a map's instances was seen, as the normals of its features without descriptor say."""
+    codes = np.zeros(count, np.int64)
+    rows = np.flatnonzero(~features.described & (instance > 0) & features.normal[:, :2].any(axis=1))
+    codes[instance[rows]] = 1 + _bearing_steps(-features.normal[rows, :2])
+    return pack_integers(codes) if codes.any() else b""
+
+
+def decode_instance_views(data: bytes, features: MapFeatures, instance: NDArray[np.int64], count: int) -> None:
+    """Set the normals of features without descriptor as their instances (N,) were seen; raises `WireError`."""
+    if not data:
+        return
+    codes = unpack_integers(data, count, 0, 256, "instance_views")[instance]
+    rows = np.flatnonzero(~features.described & (instance > 0) & (codes > 0))
+    features.normal[rows, :2] = -_VIEW_DIRECTIONS[codes[rows] - 1]
+
+
+def _bearing_steps(direction: NDArray[np.floating]) -> NDArray[np.int64]:
+    """Bearings of vectors (N, 2) in 256ths of a turn."""
+    bearing = np.arctan2(direction[:, 0], direction[:, 1])
+    return np.asarray(np.round(bearing / (2 * np.pi) * 256), dtype=np.int64) % 256
+
+
 def encode_instances(instances: InstanceSummaries) -> pb.Instances:
     """Columns of instances."""
-    bearing = np.arctan2(instances.view_direction[:, 0], instances.view_direction[:, 1])
     return pb.Instances(
         count=len(instances),
         id=pack_integers(instances.id, delta=True),
         label=pack_integers(instances.label),
         confidence=pack_integers(np.round(instances.confidence * 255)),
-        view_direction=pack_integers(np.round(bearing / (2 * np.pi) * 256).astype(np.int64) % 256),
+        view_direction=pack_integers(_bearing_steps(instances.view_direction)),
         frames=pack_integers(instances.frames),
     )
 

@@ -354,6 +354,7 @@ class FeatureMap(google.protobuf.message.Message):
     ID_FIELD_NUMBER: builtins.int
     INSTANCE_COUNT_FIELD_NUMBER: builtins.int
     INSTANCE_KEYS_FIELD_NUMBER: builtins.int
+    INSTANCE_VIEWS_FIELD_NUMBER: builtins.int
     version: builtins.int
     epoch: builtins.float
     """seconds since the epoch, UTC"""
@@ -361,6 +362,8 @@ class FeatureMap(google.protobuf.message.Message):
     """sorted, delta-coded"""
     instance_count: builtins.int
     instance_keys: builtins.bytes
+    instance_views: builtins.bytes
+    """per key 0, or 1 + bearing of the mean view of it in 256ths of a turn; empty if all 0"""
     @property
     def georeference(self) -> global___Georeference: ...
     @property
@@ -375,9 +378,10 @@ class FeatureMap(google.protobuf.message.Message):
         id: builtins.bytes = ...,
         instance_count: builtins.int = ...,
         instance_keys: builtins.bytes = ...,
+        instance_views: builtins.bytes = ...,
     ) -> None: ...
     def HasField(self, field_name: typing.Literal["features", b"features", "georeference", b"georeference"]) -> builtins.bool: ...
-    def ClearField(self, field_name: typing.Literal["epoch", b"epoch", "features", b"features", "georeference", b"georeference", "id", b"id", "instance_count", b"instance_count", "instance_keys", b"instance_keys", "version", b"version"]) -> None: ...
+    def ClearField(self, field_name: typing.Literal["epoch", b"epoch", "features", b"features", "georeference", b"georeference", "id", b"id", "instance_count", b"instance_count", "instance_keys", b"instance_keys", "instance_views", b"instance_views", "version", b"version"]) -> None: ...
 
 global___FeatureMap = FeatureMap
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from autowaze.vehicle.diffing.novelty import Candidates, new_features
 from autowaze.vehicle.diffing.settings import DiffSettings
+from autowaze.world.identity import MAX_FEATURES_PER_DIFF
 from autowaze.world.labels import ClassLabel
 
 SETTINGS = DiffSettings()
@@ -58,6 +59,15 @@ def test_far_features_are_news_once_several_views_tell_where_they_are() -> None:
 def test_a_landmark_that_drifted_from_where_it_was_seen_is_no_feature() -> None:
     runaway = candidates(9, ClassLabel.BACKGROUND, deviation=1e6)
     assert len(new_features(runaway, NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)) == 0
+
+
+def test_vehicles_have_a_place_in_the_fullest_diff() -> None:
+    street, car = candidates(5000, ClassLabel.BACKGROUND), candidates(90, ClassLabel.CAR, 3)
+    street.position *= 100
+    both = Candidates(*(np.concatenate(pair) for pair in zip(vars(street).values(), vars(car).values(), strict=True)))
+    chosen = new_features(both, NOBODY, NOTHING, NOTHING, DiffSettings(max_new_static=5000), 10_000_000)
+    assert len(chosen) == MAX_FEATURES_PER_DIFF
+    assert set(range(5000, 5090)) <= set(chosen.tolist())
 
 
 def test_cars_are_passed_in_few_frames() -> None:

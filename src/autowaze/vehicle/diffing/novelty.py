@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from autowaze.vehicle.diffing.settings import DiffSettings
+from autowaze.world.identity import MAX_FEATURES_PER_DIFF
 from autowaze.world.labels import ClassLabel, is_movable, is_vehicle
 
 _SIGMAS = 3.0
@@ -54,7 +55,8 @@ def new_features(
     settings: DiffSettings,
     byte_budget: int,
 ) -> NDArray[np.int64]:
-    """Row numbers of the candidates worth sending: described static ones first, then by instance.
+    """Row numbers of the candidates worth sending, as many as a diff holds: static ones, then those by instance, for
+    which the former make room.
 
     Args:
         candidates: landmarks that the map lacks.
@@ -80,10 +82,10 @@ def new_features(
     eligible &= ~_known_instances(candidates, eligible, stored_vehicles, settings)
     instanced = _best_per_instance(candidates, np.flatnonzero(eligible & movable), settings.max_per_instance)
     room = (byte_budget - _BYTES_PER_PLAIN * len(instanced)) // _BYTES_PER_DESCRIBED
-    limit = max(min(settings.max_new_static, room), 0)
+    limit = max(min(settings.max_new_static, room, MAX_FEATURES_PER_DIFF - len(instanced)), 0)
     news = ~any_within(stored_static, candidates.position, settings.spread_m)
     static = _best_spread(candidates, np.flatnonzero(eligible & ~movable & news), limit, settings.spread_m)
-    return np.concatenate([static, instanced])
+    return np.concatenate([static, instanced])[:MAX_FEATURES_PER_DIFF]
 
 
 def _known_instances(

@@ -25,7 +25,7 @@ from autowaze.world.feature_map import FeatureMap, MapFeatures
 from autowaze.world.features import CameraFeatures
 from autowaze.world.georeference import Georeference
 from autowaze.world.ground import GroundCells
-from autowaze.world.identity import MAX_FEATURES_PER_DIFF, MAX_SEQUENCE, feature_ids, instance_keys
+from autowaze.world.identity import MAX_SEQUENCE, feature_ids, instance_keys
 from autowaze.world.instances import Tracks
 from autowaze.world.labels import is_movable, is_vehicle
 from autowaze.world.map_diff import SemanticMapDiff, Trajectory
@@ -240,7 +240,7 @@ class DiffWindow:
             stored.position[~vehicle],
             self.settings,
             budget,
-        )[:MAX_FEATURES_PER_DIFF]
+        )
         rows = landmarks.rows(candidates.landmark_id[chosen])
         described = ~is_vehicle(candidates.label[chosen])
         n = len(chosen)

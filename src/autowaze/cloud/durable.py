@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -13,11 +12,12 @@ from typing import Any, Protocol
 
 from autowaze.cloud.admission import Admission
 from autowaze.cloud.broadcast import Update
+from autowaze.cloud.replay import Replay
 from autowaze.cloud.service import CloudService
+from autowaze.cloud.settlement import Settlement
 from autowaze.cloud.snapshot import SnapshotError, pack, unpack
 from autowaze.cloud.spot_edits import SpotEdit, check_edit
 from autowaze.cloud.store import Accepted, Store, StoreError
-from autowaze.cloud.taken_diffs import TakenDiff
 from autowaze.cloud.validation import RefusedDiffError
 from autowaze.world.errors import WireError
 from autowaze.world.map_diff import SemanticMapDiff
@@ -148,38 +148,41 @@ class DurableService:
         return position
 
     def _take_in(self, payloads: Sequence[bytes], senders: Sequence[str | None]) -> list[Update | WireError]:
-        taken: list[TakenDiff | WireError] = []
+        settlement = Settlement(self.service)
+        updates: list[Update] = []
+        refused: dict[int, WireError] = {}
         accepted: list[Accepted] = []
-        for payload, sender in zip(payloads, senders, strict=True):
+        for number, (payload, sender) in enumerate(zip(payloads, senders, strict=True)):
             try:
-                one = self._taken(payload, sender, accepted)
+                diff, source = self._admitted(payload, sender, accepted)
+                taken, settled = settlement.take(diff, len(payload), source)
             except WireError as error:
-                taken.append(error)
+                refused[number] = error
                 continue
-            taken.append(one)
-            if one.change is not None:
-                accepted.append(Accepted(*one.diff.key, self._clock(), bytes(payload)))
+            updates += settled
+            if taken.change is not None:
+                accepted.append(Accepted(diff.session, diff.sequence, self._clock(), bytes(payload)))
                 if self._admission is not None:
-                    self._admission.note(one.diff, accepted[-1].received_at, sender)
-        settled = iter(self.service.settle([one for one in taken if not isinstance(one, WireError)]))
-        results = [one if isinstance(one, WireError) else next(settled) for one in taken]
-        updates = [one for one in results if not isinstance(one, WireError) and one.accepted]
+                    self._admission.note(diff, accepted[-1].received_at, sender)
+        updates += settlement.settle()
+        new = [update for update in updates if update.accepted]
         if accepted:
-            changed = {state.spot_id: state for update in updates for state in update.spots}
-            self.store.commit(accepted, changed.values())
+            self.store.commit(accepted, {state.spot_id: state for update in new for state in update.spots}.values())
         if self._observe is not None:
-            for kept, update in zip(accepted, updates, strict=True):
+            for kept, update in zip(accepted, new, strict=True):
                 self._observe(update, kept.received_at)
-        return results
+        left = iter(updates)
+        return [refused[number] if number in refused else next(left) for number in range(len(payloads))]
 
-    def _taken(self, payload: bytes, sender: str | None, accepted: list[Accepted]) -> TakenDiff:
-        """A diff that the map has taken; raises `WireError` if it is none, or refused."""
+    def _admitted(
+        self, payload: bytes, sender: str | None, waiting: list[Accepted]
+    ) -> tuple[SemanticMapDiff, int | None]:
+        """The diff in some bytes, and whose word it is; raises `WireError` if it is none, or refused."""
         with self.service.times.stage("decode"):
             diff = decode_diff(payload)
         with self.service.times.stage("admission"):
-            self._admit(diff, payload, sender, accepted)
-            source = self._admission.source_of(diff, sender) if self._admission else None
-        return self.service.take(diff, len(payload), source)
+            self._admit(diff, payload, sender, waiting)
+            return diff, self._admission.source_of(diff, sender) if self._admission else None
 
     def _admit(self, diff: SemanticMapDiff, payload: bytes, sender: str | None, waiting: list[Accepted]) -> None:
         """Refuse what the admission refuses, and other content under the key of a diff that was taken in before.
@@ -251,15 +254,14 @@ class DurableService:
         del edits[: kept["edits"]]
         return service
 
-    def _replayed(self, service: CloudService, after: int, left: list[SpotEdit]) -> CloudService:
+    def _replayed(self, service: CloudService, after: int, edits: list[SpotEdit]) -> CloudService:
         """The service after all diffs of the log after a position, and the edits left."""
-        edits = deque(left)
-        _make_up_to(after, edits, service)
+        replay = Replay(service, after, edits, self._observe)
         for position, accepted in enumerate(self.store.log(after), start=after + 1):
             try:
                 diff = decode_diff(accepted.payload)
                 source = self._admission.source_of(diff) if self._admission else None
-                update = service.integrate(diff, len(accepted.payload), source)
+                replay.take(diff, len(accepted.payload), source, accepted.received_at)
             except WireError as error:
                 raise StoreError(
                     f"diff {position} of the store cannot be taken in again: {error}; start the service with the "
@@ -267,16 +269,8 @@ class DurableService:
                 ) from error
             if self._admission is not None:
                 self._admission.note(diff, accepted.received_at)
-            if self._observe is not None:
-                self._observe(update, accepted.received_at)
-            _make_up_to(position, edits, service)
+        replay.settle()
         known = {state.spot_id: state for state in service.states if state.observed_at is not None}
         if known != {state.spot_id: state for state in self.store.spots()}:
             self.store.replace_spots(known.values())
         return service
-
-
-def _make_up_to(position: int, edits: deque[SpotEdit], service: CloudService) -> None:
-    """Make the edits that were made before the diff after this position."""
-    while edits and edits[0].position <= position:
-        service.edit(edits.popleft())

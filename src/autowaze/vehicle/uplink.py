@@ -113,12 +113,12 @@ class Delivery:
             return self._put_off(answer)
         self.trouble, self._failures = "", 0
         if answer.outcome is Outcome.ACKNOWLEDGED:
+            self.acknowledged += 1  # before the outbox is empty: who waits for that reads the count then
             self.outbox.remove(number)
-            self.acknowledged += 1
         else:
             _log.error("%s; the diff lies in %s/refused", answer.reason, self.outbox.folder)
-            self.outbox.set_aside(number)
             self.refused += 1
+            self.outbox.set_aside(number)
         return 0.0
 
     def close(self) -> None:

@@ -6,7 +6,6 @@ Method: Triggs et al. 2000, "Bundle adjustment: a modern synthesis"; schedule of
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from autowaze.vehicle.slam.normal_equations import (
     shared_blocks,
     substitute_back,
 )
-from autowaze.vehicle.slam.pose_optimization import CHI2_MONO, CHI2_STEREO
+from autowaze.vehicle.slam.reprojection import CHI2_MONO, CHI2_STEREO
 from autowaze.vehicle.slam.small_matrices import orthonormal, solve_positive
 from autowaze.vehicle.vision.compiled import compiled
 from autowaze.world.camera import StereoCamera
@@ -106,8 +105,7 @@ def adjust(problem: BundleProblem, camera: StereoCamera, max_iterations: int = _
     state = (np.ascontiguousarray(T[:, :3, :3]), np.ascontiguousarray(T[:, :3, 3]), problem.position.copy())
     inlier_sorted = np.ones(len(order), np.bool_)
     for robust in (True, False):
-        state = _minimise(state, seen, inlier_sorted, robust, max_iterations)
-        chi2 = _cost(state, seen, inlier_sorted, robust)[1]
+        state, chi2 = _minimise(state, seen, inlier_sorted, robust, max_iterations)
         inlier_sorted = chi2 <= np.where(seen.information[:, 1] > 0.0, CHI2_STEREO, CHI2_MONO)
     T[:, :3, :3], T[:, :3, 3] = orthonormal(state[0]), state[1]
     inlier = np.empty(len(order), np.bool_)
@@ -115,7 +113,9 @@ def adjust(problem: BundleProblem, camera: StereoCamera, max_iterations: int = _
     return BundleSolution(inverse(T), state[2], inlier)
 
 
-def _cost(state: _State, seen: _Observations, inlier: NDArray[np.bool_], robust: bool) -> tuple[float, Any]:
+def _cost(
+    state: _State, seen: _Observations, inlier: NDArray[np.bool_], robust: bool
+) -> tuple[float, NDArray[np.float64]]:
     """Sum of squared errors, and each (M,)."""
     chi2 = np.empty(len(inlier))
     total = reprojection_cost(
@@ -127,13 +127,12 @@ def _cost(state: _State, seen: _Observations, inlier: NDArray[np.bool_], robust:
 
 def _minimise(
     state: _State, seen: _Observations, inlier: NDArray[np.bool_], robust: bool, max_iterations: int
-) -> _State:
-    """Levenberg-Marquardt."""
-    R, t, position = state
-    n_free = int(seen.free.max()) + 1
-    block, n_blocks = shared_blocks(seen.free, seen.start, seen.keyframe, n_free)
-    damping, cost = 1e-4, _cost(state, seen, inlier, robust)[0]
+) -> tuple[_State, NDArray[np.float64]]:
+    """Levenberg-Marquardt; returns also the squared errors (M,) of what it found."""
+    block, n_blocks = shared_blocks(seen.free, seen.start, seen.keyframe, int(seen.free.max()) + 1)
+    damping, (cost, chi2) = 1e-4, _cost(state, seen, inlier, robust)
     for _ in range(max_iterations):
+        R, t, position = state
         H, g, diagonal, *landmarks = eliminate_landmarks(
             R, t, seen.free, position, seen.point_free, seen.start, seen.keyframe, seen.measured, seen.information,
             seen.weight, seen.calibration, inlier, robust, damping, block, n_blocks,
@@ -142,10 +141,10 @@ def _minimise(
         new_cost = np.inf
         if step is not None:
             new = substitute_back(R, t, seen.free, position, seen.start, seen.keyframe, step, *landmarks)
-            new_cost = _cost(new, seen, inlier, robust)[0]
+            new_cost, new_chi2 = _cost(new, seen, inlier, robust)
         if new_cost <= cost:
             gain = (cost - new_cost) / max(cost, 1e-12)
-            (R, t, position), cost = new, new_cost
+            state, cost, chi2 = new, new_cost, new_chi2
             damping = max(damping * 0.1, 1e-9)
             if gain < _RELATIVE_GAIN:
                 break
@@ -153,7 +152,7 @@ def _minimise(
             damping *= 10.0
             if damping > 1e6:
                 break
-    return R, t, position
+    return state, chi2
 
 
 def _solve(

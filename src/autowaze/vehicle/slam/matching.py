@@ -14,6 +14,7 @@ from autowaze.vehicle.vision.compiled import compiled, hamming
 def match_in_windows(
     frame: ObservedFrame,
     words: NDArray[np.uint64],
+    row: NDArray[np.int64],
     pixel: NDArray[np.float64],
     level: NDArray[np.int64],
     radius_px: NDArray[np.float64],
@@ -25,7 +26,8 @@ def match_in_windows(
 
     Args:
         frame: the features (N).
-        words: (M, 4) uint64, descriptors of what is sought. pixel: (M, 3), where: u, v and disparity.
+        words: (L, 4) uint64, descriptors. row: (M,) those of what is sought.
+        pixel: (M, 3), where: u, v and disparity.
         level: (M,) predicted pyramid level; features one level finer or coarser pass.
         radius_px: (M,) half the window.
         taken: (N,) features that are spoken for.
@@ -34,6 +36,7 @@ def match_in_windows(
     return np.asarray(
         _match(
             words,
+            row,
             pixel,
             level,
             radius_px,
@@ -53,10 +56,10 @@ def match_in_windows(
 
 @compiled
 def _match(  # type: ignore[no-untyped-def]  # noqa: PLR0912
-    words, pixel, level, radius, feature_words, measured, octave, cell_start, in_cell, n_columns, n_rows, taken,
+    words, row, pixel, level, radius, feature_words, measured, octave, cell_start, in_cell, n_columns, n_rows, taken,
     max_hamming, ratio,
 ):  # fmt: skip
-    n, m = feature_words.shape[0], words.shape[0]
+    n, m = feature_words.shape[0], row.shape[0]
     owner = np.full(n, -1, np.int64)
     owner_distance = np.full(n, 1 << 20, np.int64)
     for i in range(m):
@@ -69,8 +72,8 @@ def _match(  # type: ignore[no-untyped-def]  # noqa: PLR0912
             continue
         best, best_distance, best_level = np.int64(-1), np.int64(1 << 20), np.int64(-1)
         second, second_level = best_distance, best_level
-        for row in range(r0, r1 + 1):
-            for k in range(cell_start[row * n_columns + c0], cell_start[row * n_columns + c1 + 1]):
+        for line in range(r0, r1 + 1):
+            for k in range(cell_start[line * n_columns + c0], cell_start[line * n_columns + c1 + 1]):
                 j = in_cell[k]
                 if taken[j] or abs(measured[j, 0] - u) > r or abs(measured[j, 1] - v) > r:
                     continue
@@ -78,7 +81,7 @@ def _match(  # type: ignore[no-untyped-def]  # noqa: PLR0912
                     continue
                 if abs(measured[j, 2] - pixel[i, 2]) > r:  # false for NaN: features without depth pass
                     continue
-                distance = np.int64(hamming(words[i], feature_words[j]))
+                distance = np.int64(hamming(words, row[i], feature_words, j))
                 if distance < best_distance:
                     second, second_level = best_distance, best_level
                     best, best_distance, best_level = j, distance, octave[j]

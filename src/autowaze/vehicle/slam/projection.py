@@ -45,21 +45,22 @@ def predict(
     """Landmarks of the given rows in the frustum, within their scale range and viewing angle."""
     T = inverse(T_map_cam)
     calibration = np.array([camera.fx, camera.fy, camera.cx, camera.cy, camera.bf])
-    visible, pixel, level, cosine = _project(
-        landmarks.position,
-        landmarks.normal,
-        landmarks.min_distance,
-        landmarks.max_distance,
-        rows,
-        T,
-        np.ascontiguousarray(T_map_cam[:3, 3]),
-        calibration,
-        camera.width,
-        camera.height,
-        np.log(level_scale[1] / level_scale[0]),
-        len(level_scale) - 1,
+    return Predictions(
+        *_project(
+            landmarks.position,
+            landmarks.normal,
+            landmarks.min_distance,
+            landmarks.max_distance,
+            rows,
+            T,
+            np.ascontiguousarray(T_map_cam[:3, 3]),
+            calibration,
+            camera.width,
+            camera.height,
+            np.log(level_scale[1] / level_scale[0]),
+            len(level_scale) - 1,
+        )
     )
-    return Predictions(rows[visible], pixel[visible], level[visible], cosine[visible] > _FRONTAL_COSINE)
 
 
 @compiled
@@ -67,11 +68,12 @@ def _project(  # type: ignore[no-untyped-def]
     position, normal, min_distance, max_distance, rows, T_cam_map, centre, calibration, width, height, log_scale,
     max_level,
 ):  # fmt: skip
-    n = rows.shape[0]
-    visible = np.zeros(n, np.bool_)
+    """Row, pixel, level and whether it is seen frontally, of the visible ones."""
+    n, m = rows.shape[0], 0
+    row = np.empty(n, np.int64)
     pixel = np.empty((n, 3), np.float64)
-    level = np.zeros(n, np.int64)
-    cosine = np.zeros(n, np.float64)
+    level = np.empty(n, np.int64)
+    frontal = np.empty(n, np.bool_)
     fx, fy, cx, cy, bf = calibration[0], calibration[1], calibration[2], calibration[3], calibration[4]
     T = T_cam_map
     for i in range(n):
@@ -92,8 +94,7 @@ def _project(  # type: ignore[no-untyped-def]
         if along < MIN_VIEW_COSINE:
             continue
         predicted = np.int64(np.ceil(np.log(max_distance[r] / distance) / log_scale - 0.01))
-        level[i] = min(max(predicted, 0), max_level)
-        pixel[i, 0], pixel[i, 1], pixel[i, 2] = u, v, bf / zc
-        cosine[i] = along
-        visible[i] = True
-    return visible, pixel, level, cosine
+        row[m], level[m], frontal[m] = r, min(max(predicted, 0), max_level), along > _FRONTAL_COSINE
+        pixel[m, 0], pixel[m, 1], pixel[m, 2] = u, v, bf / zc
+        m += 1
+    return row[:m], pixel[:m], level[:m], frontal[:m]

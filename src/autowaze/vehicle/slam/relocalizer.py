@@ -115,7 +115,7 @@ def _match_anywhere(words, skip, candidate_words, position, max_hamming, ratio):
         best: Any = -1
         best_distance, second = np.int64(257), np.int64(257)
         for j in range(m):
-            distance = np.int64(hamming(words[i], candidate_words[j]))
+            distance = np.int64(hamming(words, i, candidate_words, j))
             if distance >= second:
                 continue
             elsewhere = True

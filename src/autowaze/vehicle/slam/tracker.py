@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from autowaze.world.labels import is_movable
 from autowaze.world.pose import Pose, inverse
 
 _MOTION_ROUNDS, _MOTION_FEATURES = 2, 200  # this pose only says where to look in the map
+_MOTION_SOUGHT = 500  # of the last frame's features, where the motion is foretold
 _MOTION_RADII_PX = (20.0, 60.0)  # around the predicted pixel at level 0; the wide one when the narrow one fails
 _MAP_RADIUS_PX, _MAP_RADIUS_OBLIQUE_PX = 4.0, 6.0
 _MIN_MOTION_INLIERS = 20
@@ -77,12 +79,13 @@ class Tracker:
         Without a prediction, or where it is no good, the matches vote for the motion: what moves along with the car,
         or dirt on the lens, must not pass for rest.
         """
-        position, ray_error = self._points_of(last)
-        known = np.flatnonzero(np.isfinite(position[:, 0]) & ~last.frame.moving)
-        tries = [(T_predicted, radius) for radius in _MOTION_RADII_PX if T_predicted is not None]
-        for predicted, radius in [*tries, (None, _MOTION_RADII_PX[-1])]:
+        lasting = np.flatnonzero(~last.frame.moving & (last.frame.features.has_depth | (last.landmark_id >= 0)))
+        some = lasting[:: max(len(lasting) // _MOTION_SOUGHT, 1)]
+        tries = [(T_predicted, some, radius) for radius in _MOTION_RADII_PX if T_predicted is not None]
+        for predicted, chosen, radius in [*tries, (None, lasting, _MOTION_RADII_PX[-1])]:
             T = last.T_map_cam if predicted is None else predicted
-            source, feature = self._match_last(frame, T, position[known], last.frame, known, radius)
+            position, ray_error = self._points_of(last, chosen)
+            source, feature = self._match_last(frame, T, position, last.frame, chosen, radius)
             if predicted is None:
                 agreed = pose_by_consensus(position[source], frame.uv[feature], self.camera, _MIN_MOTION_INLIERS)
                 if agreed is None:
@@ -92,7 +95,7 @@ class Tracker:
                 continue
             every = max(len(source) // _MOTION_FEATURES, 1)
             source, feature = source[::every], feature[::every]
-            label = last.frame.features.label[source]
+            label = last.frame.features.label[chosen[source]]
             weight = self._weights(frame, feature, label, np.zeros(len(feature), np.bool_))
             estimate = optimize_pose(
                 T,
@@ -146,10 +149,11 @@ class Tracker:
         stored = self.landmarks.is_stored[predictions.row]
         found = np.full(len(predictions), -1, np.int64)
         taken = frame.moving.copy()
-        for group in (np.flatnonzero(stored), np.flatnonzero(~stored)):
+        for group in _parts(stored):
             found[group] = match_in_windows(
                 frame,
-                words[predictions.row[group]],
+                words,
+                predictions.row[group],
                 predictions.pixel[group],
                 predictions.level[group],
                 radius[group],
@@ -169,12 +173,13 @@ class Tracker:
         source_row: NDArray[np.int64],
         radius_px: float,
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Features of the last frame and of this one that match."""
+        """What was sought (rows of `source_row`) and the features of this frame that match."""
         pixel, ahead = _project(position, T_map_cam, self.camera)
         level = source.octave[source_row]
         found = match_in_windows(
             frame,
-            source.words[source_row],
+            source.words,
+            source_row,
             np.where(ahead[:, None], pixel, -1e6),
             level,
             radius_px * self._level_scale[level],
@@ -183,19 +188,19 @@ class Tracker:
             self.settings.ratio,
         )
         hit = found >= 0
-        return source_row[hit], found[hit]
+        return np.flatnonzero(hit), found[hit]
 
-    def _points_of(self, last: Located) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Map positions (N, 3) of a frame's features, the landmark's, else by stereo; NaN where unknown.
+    def _points_of(self, last: Located, feature: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Map positions (M, 3) of some features of a frame, the landmark's, else by stereo; NaN where unknown.
 
-        With them the standard deviations along the rays on which they were seen, as vectors (N, 3) in the map, m.
+        With them the standard deviations along the rays on which they were seen, as vectors (M, 3) in the map, m.
         """
         T = last.T_map_cam
-        ray = last.frame.features.position_cam.astype(np.float64) @ T[:3, :3].T
+        ray = last.frame.features.position_cam[feature].astype(np.float64) @ T[:3, :3].T
         position = ray + T[:3, 3]
-        sigma_px = self.settings.disparity_sigma_px * self._level_scale[last.frame.octave]
+        sigma_px = self.settings.disparity_sigma_px * self._level_scale[last.frame.octave[feature]]
         error = ray * (sigma_px * np.linalg.norm(ray, axis=1) / self.camera.bf)[:, None]
-        rows = self.landmarks.rows(last.landmark_id)
+        rows = self.landmarks.rows(last.landmark_id[feature])
         known = rows >= 0
         position[known] = self.landmarks.position[rows[known]]
         error[known] = self._depth_error(rows[known], T)
@@ -228,6 +233,12 @@ class Tracker:
         if np.count_nonzero(stored & ~movable) >= s.min_static_inliers:
             weight[~stored] *= s.own_weight
         return weight
+
+
+def _parts(first: NDArray[np.bool_]) -> list[Any]:
+    """What picks the rows of a mask, and then the others; where they are all of one kind nothing is copied."""
+    n_first = np.count_nonzero(first)
+    return [first, ~first] if 0 < n_first < len(first) else [slice(None)]
 
 
 def _project(

@@ -30,6 +30,14 @@ popcount: Any = intrinsic(_popcount)
 
 
 @compiled
-def hamming(a: Any, b: Any) -> Any:
-    """Differing bits of two descriptors of four uint64 words each."""
-    return popcount(a[0] ^ b[0]) + popcount(a[1] ^ b[1]) + popcount(a[2] ^ b[2]) + popcount(a[3] ^ b[3])
+def hamming(a, i, b, j):  # type: ignore[no-untyped-def]
+    """Differing bits of descriptor i of a (N, 4) and j of b (M, 4), uint64 words.
+
+    Rows are named by number: a slice would be a counted reference, which costs more than the comparison.
+    """
+    return (
+        popcount(a[i, 0] ^ b[j, 0])
+        + popcount(a[i, 1] ^ b[j, 1])
+        + popcount(a[i, 2] ^ b[j, 2])
+        + popcount(a[i, 3] ^ b[j, 3])
+    )

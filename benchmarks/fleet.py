@@ -79,9 +79,14 @@ class Fleet:
         self._passes = _passes()
         self._compressor = zstandard.ZstdCompressor(level=3)
 
+    @property
+    def windows(self) -> int:
+        """Diffs of a car for one round of its block."""
+        return len(self._passes[0])
+
     def payload(self, car: int, sequence: int, end: float) -> bytes:
         """The diff that a car hands in as its next, of a window that ends then (seconds since the epoch)."""
-        windows = len(self._passes[0])
+        windows = self.windows
         window = self._passes[sequence // windows % VARIANTS][sequence % windows]
         message = pb.SemanticMapDiff()
         message.CopyFrom(window.message)
@@ -105,7 +110,7 @@ class Fleet:
         """What the car's last pass added, so that the map stays as large as it is."""
         if sequence < 0:
             return np.zeros(0, np.uint64)
-        windows = len(self._passes[0])
+        windows = self.windows
         before = self._passes[sequence // windows % VARIANTS][sequence % windows]
         return feature_ids(session, sequence, len(before.diff.new))
 

@@ -25,8 +25,9 @@ from benchmarks.fleet import Fleet, city_spots
 
 _REQUEST = b"POST /v1/diffs HTTP/1.1\r\nHost: a\r\nContent-Type: application/octet-stream\r\nContent-Length: %d\r\n\r\n"
 _TICKS = os.sysconf("SC_CLK_TCK")
-WARM_UP_S = 40.0
-"""At half the rate: every car drives its block once, so that each spot has been seen, as in a city in service."""
+WARM_UP_DIFFS = 20
+"""Of each car: every block is driven round so often that the service keeps as much of it as it ever will, as in a city
+that is in service. The first round is driven at half the rate, every spot is new then."""
 
 
 @dataclass
@@ -99,12 +100,12 @@ async def listen(port: int, tally: Tally) -> None:
             tally.told_at[int(line[4:])] = time.perf_counter()
 
 
-async def drive(port: int, fleet: Fleet, rate: float, seconds: float, tally: Tally) -> None:
-    """Every car hands in its diffs at even intervals."""
+async def drive(port: int, fleet: Fleet, first: int, rate: float, seconds: float, tally: Tally) -> None:
+    """Every car hands in its diffs at even intervals, from its `first` one on."""
     loop = asyncio.get_running_loop()
     connecting = (loop.create_connection(lambda: Car(tally), "127.0.0.1", port) for _ in range(fleet.cars))
     cars = [protocol for _, protocol in await asyncio.gather(*connecting)]
-    sequences = [0] * fleet.cars
+    sequences = [first] * fleet.cars
     began, began_at = time.perf_counter(), time.time()
     for number in range(int(rate * seconds)):
         pause = began + number / rate - time.perf_counter()
@@ -137,8 +138,8 @@ class Usage:
         return cls(cpu, int(status.partition("VmRSS:")[2].split()[0]) / 1024)
 
 
-async def measure(port: int, pid: int, fleet: Fleet, rate: float, seconds: float) -> dict[str, object]:
-    """Warm up for some seconds, then drive and watch."""
+async def measure(port: int, pid: int, fleet: Fleet, first: int, rate: float, seconds: float) -> dict[str, object]:
+    """Drive for some seconds, each car from its `first` diff on, and watch."""
     tally = Tally()
     listening = asyncio.create_task(listen(port, tally))
     await asyncio.sleep(0.5)
@@ -151,7 +152,7 @@ async def measure(port: int, pid: int, fleet: Fleet, rate: float, seconds: float
 
     before, own = Usage.of(pid), time.process_time()
     watching = asyncio.create_task(watch())
-    await drive(port, fleet, rate, seconds, tally)
+    await drive(port, fleet, first, rate, seconds, tally)
     own = time.process_time() - own
     after = Usage.of(pid)
     watching.cancel()
@@ -236,11 +237,12 @@ def run() -> None:
         spots = write_spots(folder / "spots.geojson", asked.streets)
         service = served(folder, asked.port, "--store", asked.store or str(folder / "cloud.db"))
         try:
-            warm_up = Fleet(asked.cars, asked.streets, first_session=1 << 20)
-            asyncio.run(measure(asked.port, service.pid, warm_up, asked.rate / 2, WARM_UP_S))
             fleet = Fleet(asked.cars, asked.streets)
-            seconds = 60 * asked.minutes
-            found = asyncio.run(measure(asked.port, service.pid, fleet, asked.rate, seconds))
+            once = fleet.windows
+            for first, end, rate in ((0, once, asked.rate / 2), (once, WARM_UP_DIFFS, asked.rate)):
+                seconds = (end - first) * asked.cars / rate
+                asyncio.run(measure(asked.port, service.pid, fleet, first, rate, seconds))
+            found = asyncio.run(measure(asked.port, service.pid, fleet, WARM_UP_DIFFS, asked.rate, 60 * asked.minutes))
         finally:
             service.send_signal(signal.SIGTERM)
             service.wait(60)

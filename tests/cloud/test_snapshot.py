@@ -1,6 +1,7 @@
 """A service that was read from a snapshot is the one that was kept, in everything that it says from then on."""
 
-import threading
+import fcntl
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import zstandard
 from street import Street
 
+from autowaze.cloud.packing import Packing
 from autowaze.cloud.passes import PassJournal
 from autowaze.cloud.service import CloudService
 from autowaze.cloud.snapshot import SnapshotError, pack, unpack
@@ -87,13 +89,43 @@ def test_whatever_bytes_are_no_snapshot():
             unpack(bad)
 
 
-def test_packing_rests_until_there_is_a_hurry():
-    kept = {"rows": [[np.arange(4)] for _ in range(200_000)]}
-    hurry, packed = threading.Event(), []
-    packing = threading.Thread(target=lambda: packed.append(pack(kept, hurry)))
-    packing.start()
-    packing.join(0.5)
-    assert packing.is_alive()
-    hurry.set()
-    packing.join(20)
-    assert packed == [pack(kept)]
+def test_a_copy_of_the_process_packs_what_was_there():
+    kept = {"rows": [[np.arange(4)] for _ in range(50_000)], "text": "as it was"}
+    expected = pack(kept)
+    packing = Packing(lambda: kept)
+    kept["text"] = "another"
+    with packing as parts:
+        assert b"".join(parts) == expected
+    with Packing(lambda: kept) as parts:  # of no use any more
+        next(parts)
+
+
+def test_a_copy_that_fails_keeps_no_snapshot(capfd):
+    with Packing(lambda: {"unknown": object()}) as parts, pytest.raises(SnapshotError, match="ended with status 1"):
+        list(parts)
+    assert "object cannot be kept in a snapshot" in capfd.readouterr().err
+
+
+def test_without_copies_the_process_packs_itself(monkeypatch):
+    def fork():
+        raise OSError("too little memory")
+
+    monkeypatch.setattr("os.fork", fork)
+    with Packing(lambda: {"one": 1}) as parts:
+        assert unpack(b"".join(parts))["one"] == 1
+
+
+def test_a_copy_lets_go_of_what_is_the_process_s(tmp_path):
+    lock = (tmp_path / "lock").open("w")
+    fcntl.flock(lock, fcntl.LOCK_EX)
+    with Packing(lambda: time.sleep(30)):
+        deadline = time.monotonic() + 10
+        lock.close()  # the lock is free once nobody has it open
+        with (tmp_path / "lock").open("w") as other:
+            while True:
+                try:
+                    fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    break
+                except OSError:
+                    assert time.monotonic() < deadline
+                    time.sleep(0.01)

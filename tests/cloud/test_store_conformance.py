@@ -124,7 +124,7 @@ class Conformance:
         large = bytes(range(256)) * 10_000
         store.commit([diff(n) for n in range(5)], [])
         for position, data in ((1, b"one"), (3, large), (5, b"five")):
-            store.save_snapshot(position, data)
+            store.save_snapshot(position, [data[:5], data[5:]])
         assert list(store.snapshots()) == [(5, b"five"), (3, large)]
         store._side.execute("UPDATE snapshot_parts SET data = ? WHERE position = 5", (b"FIVE",))
         assert list(store.snapshots()) == [(3, large)]
@@ -134,8 +134,8 @@ class Conformance:
             store.commit([diff(n, 100.0 * n)], [state("a", observed_at=100.0 * n)])
             store.audit(AuditEntry(0, 100.0 * n, "car-1", "refused", ""))
         assert store.prune(1e9, 0.0) == 0
-        store.save_snapshot(4, b"four")
-        store.save_snapshot(6, b"six")
+        store.save_snapshot(4, [b"four"])
+        store.save_snapshot(6, [b"six"])
         assert store.prune(200.0, 300.0) == 2
         assert store.oldest == 3
         assert store.prune(1e9, 300.0) == 2

@@ -12,10 +12,11 @@ from typing import Any, Protocol
 
 from autowaze.cloud.admission import Admission
 from autowaze.cloud.broadcast import Update
+from autowaze.cloud.packing import Packing
 from autowaze.cloud.replay import Replay
 from autowaze.cloud.service import CloudService
 from autowaze.cloud.settlement import Settlement
-from autowaze.cloud.snapshot import SnapshotError, pack, unpack
+from autowaze.cloud.snapshot import SnapshotError, unpack
 from autowaze.cloud.spot_edits import SpotEdit, check_edit
 from autowaze.cloud.store import Accepted, Store, StoreError
 from autowaze.cloud.validation import RefusedDiffError
@@ -131,21 +132,28 @@ class DurableService:
             self.store.check()
             self._mend()
 
-    def snapshot(self, hurry: threading.Event | None = None) -> int:
+    def snapshot(self) -> int:
         """Keep the state in the store, so that a new process need not replay the log; returns its position.
 
-        Diffs wait only while tables are copied, not while they are packed and written; until `hurry` is set they get
-        most of the interpreter meanwhile.
+        Diffs wait only while the process is copied, not while the copy packs and the store writes.
+
+        Raises:
+            SnapshotError: it could not be packed; the one before it stays.
         """
         with self._lock:
             self._mend()
             position = self.store.position
-            kept: dict[str, Any] = {"service": self.service.kept(), "edits": self._edits}
-            if self._admission is not None:
-                kept["admission"] = self._admission.kept()
-            kept["followers"] = {name: follower.kept() for name, follower in self._followers.items()}
-        self.store.save_snapshot(position, pack(kept, hurry))
+            packing = Packing(self._kept)
+        with packing as parts:
+            self.store.save_snapshot(position, parts)
         return position
+
+    def _kept(self) -> dict[str, Any]:
+        kept: dict[str, Any] = {"service": self.service.kept(), "edits": self._edits}
+        if self._admission is not None:
+            kept["admission"] = self._admission.kept()
+        kept["followers"] = {name: follower.kept() for name, follower in self._followers.items()}
+        return kept
 
     def _take_in(self, payloads: Sequence[bytes], senders: Sequence[str | None]) -> list[Update | WireError]:
         settlement = Settlement(self.service)

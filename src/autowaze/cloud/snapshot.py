@@ -7,8 +7,6 @@ code that it brings.
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -25,8 +23,7 @@ MOST_BYTES = 1 << 34
 _ARRAY = 1
 _ZSTD_LEVEL = 3
 _DEPTH = 5
-_AWAKE_S, _RESTS = 0.001, 19
-"""A service near its limit has no more than a twentieth of the interpreter to spare; with less its diffs queue up."""
+_PART_BYTES = 1 << 20
 
 Kept = dict[str, Any]
 
@@ -35,24 +32,34 @@ class SnapshotError(AutowazeError):
     """A snapshot that cannot be read, or is of another service; the log tells the same, at length."""
 
 
-def pack(kept: Kept, hurry: threading.Event | None = None) -> bytes:
-    """The bytes of what parts of a service hold.
+def pack(kept: Kept) -> bytes:
+    """The bytes of what parts of a service hold, by name."""
+    parts: list[bytes] = []
+    pack_into(parts.append, kept)
+    return b"".join(parts)
 
-    Args:
-        kept: by name.
-        hurry: until it is set, rest so often that diffs that are taken in meanwhile get nineteen twentieths of the
-            interpreter; takes twenty times as long.
-    """
+
+def pack_into(take: Callable[[bytes], object], kept: Kept) -> None:
+    """Hand on the bytes of what parts of a service hold, part by part."""
+    frame = zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compressobj()
     packer = msgpack.Packer(default=_packed, use_bin_type=True, autoreset=False)
-    _write(packer, {"format": FORMAT, **kept}, 0, _no_rest if hurry is None else _Rests(hurry))
-    return zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress(packer.getbuffer())
+
+    def flush(least: int = _PART_BYTES) -> None:
+        if len(packer.getbuffer()) >= least:
+            part = frame.compress(packer.getbuffer())
+            packer.reset()
+            if part:
+                take(part)
+
+    _write(packer, {"format": FORMAT, **kept}, 0, flush)
+    flush(0)
+    take(frame.flush())
 
 
 def unpack(data: bytes) -> Kept:
     """What was packed; raises `SnapshotError` if it is no snapshot of this format."""
     try:
-        body = zstandard.ZstdDecompressor().decompress(data, max_output_size=MOST_BYTES)
-        kept = msgpack.unpackb(body, ext_hook=_unpacked, strict_map_key=False)
+        kept = msgpack.unpackb(_decompressed(data), ext_hook=_unpacked, strict_map_key=False)
     except (zstandard.ZstdError, ValueError, TypeError, msgpack.UnpackException) as error:
         raise SnapshotError(f"not a snapshot: {error}") from error
     if not isinstance(kept, dict) or kept.get("format") != FORMAT:
@@ -60,39 +67,30 @@ def unpack(data: bytes) -> Kept:
     return kept
 
 
-def _no_rest() -> None:
-    pass
+def _decompressed(data: bytes) -> bytearray:
+    body = bytearray()
+    with zstandard.ZstdDecompressor().stream_reader(data) as reader:
+        while part := reader.read(_PART_BYTES):
+            body += part
+            if len(body) > MOST_BYTES:
+                raise ValueError(f"more than {MOST_BYTES} bytes")
+    return body
 
 
-class _Rests:
-    """Sleeps far longer than it was awake, until there is a hurry."""
-
-    def __init__(self, hurry: threading.Event) -> None:
-        self._hurry = hurry
-        self._woke = time.perf_counter()
-
-    def __call__(self) -> None:
-        """Sleep, if it has been awake for a while."""
-        awake_s = time.perf_counter() - self._woke
-        if awake_s > _AWAKE_S:
-            self._hurry.wait(_RESTS * awake_s)
-            self._woke = time.perf_counter()
-
-
-def _write(packer: Any, value: Any, depth: int, rest: Callable[[], None]) -> None:
-    """Pack item by item as far down as containers are large: in one call nobody else could run meanwhile."""
+def _write(packer: Any, value: Any, depth: int, flush: Callable[[], None]) -> None:
+    """Pack item by item as far down as containers are large: the whole of a city's map is never in one buffer."""
     if depth < _DEPTH and isinstance(value, dict):
         packer.pack_map_header(len(value))
         for key, item in value.items():
             packer.pack(key)
-            _write(packer, item, depth + 1, rest)
+            _write(packer, item, depth + 1, flush)
     elif depth < _DEPTH and isinstance(value, list):
         packer.pack_array_header(len(value))
         for item in value:
-            _write(packer, item, depth + 1, rest)
+            _write(packer, item, depth + 1, flush)
     else:
         packer.pack(value)
-        rest()
+        flush()
 
 
 def _packed(value: Any) -> Any:

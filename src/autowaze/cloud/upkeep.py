@@ -15,7 +15,7 @@ from autowaze.world.errors import AutowazeError
 DAY_S = 86_400.0
 DIFFS_DAYS, HISTORY_DAYS = 7.0, 90.0
 SNAPSHOT_DIFFS = 20_000
-"""Diffs after which a new process would replay for too long, a minute. A busy service takes as long to pack one."""
+"""Diffs after which a new process would replay for too long, a minute."""
 SNAPSHOT_S = 3600.0
 """A service with little to do is kept after this time, if anything changed."""
 PAUSE_S = 30.0
@@ -70,16 +70,16 @@ class Upkeep:
         """Take a snapshot if one is due, and delete what was kept long enough."""
         new = self._durable.store.position - max(self._kept_position, 0)
         if new >= SNAPSHOT_DIFFS or (new > 0 and self._clock() - self._kept_at >= SNAPSHOT_S):
-            self._snapshot(self._stop)
+            self._snapshot()
         days = (self._retention.diffs_days, self._retention.history_days)
         diffs, history = (0.0 if d is None else self._clock() - d * DAY_S for d in days)
         pruned = self._durable.store.prune(diffs, history)
         if pruned:
             _log.info("%d diffs older than %g days deleted", pruned, self._retention.diffs_days)
 
-    def _snapshot(self, hurry: threading.Event | None = None) -> None:
+    def _snapshot(self) -> None:
         if self._durable.store.position != self._kept_position:
-            self._kept_position = self._durable.snapshot(hurry)
+            self._kept_position = self._durable.snapshot()
             self._kept_at = self._clock()
 
     def _go_on(self) -> None:

@@ -12,7 +12,6 @@ from autowaze.world.parking import Occupancy, ParkingMap, SpotState
 
 _ROWS_AT_ONCE = 256
 _ROWS_DELETED_AT_ONCE = 1000
-_PART_BYTES = 1 << 20
 _SNAPSHOTS = 2
 """The log is kept from the older one on: should the newest be damaged, nothing is lost."""
 _UPSERT = (
@@ -175,14 +174,15 @@ class SqlStore:
             version = rows[-1][0]
             yield from (bytes(geojson) for _, geojson in rows)
 
-    def save_snapshot(self, position: int, data: bytes) -> None:
+    def save_snapshot(self, position: int, parts: Iterable[bytes]) -> None:
         """Keep the state after a position; of older snapshots the newest stays."""
-        parts = (data[start : start + _PART_BYTES] for start in range(0, len(data), _PART_BYTES))
         self._side.execute("DELETE FROM snapshots WHERE position = ?", (position,))
         self._side.execute("DELETE FROM snapshot_parts WHERE position = ?", (position,))
+        sha256 = hashlib.sha256()
         for number, part in enumerate(parts):  # each by itself, so that the log need not wait long
+            sha256.update(part)
             self._side.insert("snapshot_parts", "position, part, data", [(position, number, part)])
-        row = (position, self._clock(), hashlib.sha256(data).digest())
+        row = (position, self._clock(), sha256.digest())
         self._side.insert("snapshots", "position, made_at, sha256", [row])
         kept = [row[0] for row in self._snapshots()[:_SNAPSHOTS]]
         self._side.execute("DELETE FROM snapshots WHERE position < ?", (kept[-1],))

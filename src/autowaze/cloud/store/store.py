@@ -141,8 +141,11 @@ class Store(Protocol):
     def spot_edits(self) -> Iterator[bytes]:
         """Every edit of the parking map, oldest first."""
 
-    def save_snapshot(self, position: int, data: bytes) -> None:
-        """Keep the state after a position as bytes; of older snapshots the newest stays."""
+    def save_snapshot(self, position: int, parts: Iterable[bytes]) -> None:
+        """Keep the state after a position, some bytes after the other; of older snapshots the newest stays.
+
+        What the parts raise goes through, and then nothing has changed.
+        """
 
     def snapshots(self) -> Iterator[tuple[int, bytes]]:
         """Snapshots, newest first, each with its position; damaged ones are left out."""

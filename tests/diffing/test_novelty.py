@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from autowaze.vehicle.diffing.novelty import Candidates, new_features
+from autowaze.vehicle.diffing.novelty import Candidates, new_features, replaced_features
 from autowaze.vehicle.diffing.settings import DiffSettings
 from autowaze.world.identity import MAX_FEATURES_PER_DIFF
 from autowaze.world.labels import ClassLabel
@@ -85,6 +85,53 @@ def test_a_car_that_the_map_holds_is_no_news() -> None:
     stored = car.position + 0.05
     assert len(new_features(car, NOBODY, stored, NOTHING, SETTINGS, 50_000)) == 0
     assert len(new_features(car, NOBODY, stored + np.array([0, 8, 0]), NOTHING, SETTINGS, 50_000)) == 40
+
+
+def parked_car(corners: int, seen: int, along_m: float = 0.0, instance: int = 3) -> Candidates:
+    """A car's side and rear with lamps, handles, wheels in places that a number says, and corners around them.
+
+    Another number says which of the corners were seen, and how well.
+    """
+    shape, look = np.random.default_rng(corners), np.random.default_rng([corners, seen])
+    side = shape.uniform([0.0, 0.0, 0.3], [4.4, 0.0, 1.5], (35, 3))
+    rear = shape.uniform([0.0, 0.0, 0.3], [0.0, 1.8, 1.5], (20, 3))
+    points = np.repeat(np.concatenate([side, rear]), 8, axis=0)
+    points = (points + shape.normal(0.0, 0.05, points.shape))[look.random(len(points)) < 0.6]
+    car = candidates(len(points), ClassLabel.CAR, instance, sigma=0.02)
+    car.position = points + look.normal(0.0, 0.03, points.shape) + [along_m, 0.0, 0.0]
+    return car
+
+
+def sent(car: Candidates) -> np.ndarray:
+    return car.position[new_features(car, NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)]
+
+
+def test_a_car_is_known_again_by_other_corners_of_it_but_not_another_car_in_its_place() -> None:
+    stored = sent(parked_car(corners=1, seen=1))
+    assert len(stored) == SETTINGS.max_per_instance
+    for again in range(2, 6):
+        assert len(new_features(parked_car(1, again), NOBODY, stored, NOTHING, SETTINGS, 50_000)) == 0
+    for other, along_m in ((2, 0.5), (3, -0.5), (4, 1.0), (5, -1.0)):
+        car = parked_car(other, 9, along_m)
+        assert len(new_features(car, NOBODY, stored, NOTHING, SETTINGS, 50_000)) == SETTINGS.max_per_instance
+
+
+def test_a_new_car_takes_the_place_of_the_old_one_but_not_of_its_neighbour() -> None:
+    old, neighbour = sent(parked_car(1, 1)), sent(parked_car(2, 1, along_m=5.0))
+    stored, key = np.concatenate([old, neighbour]), np.repeat(np.uint64([7, 8]), [len(old), len(neighbour)])
+    new, known = parked_car(3, 1, along_m=0.3), parked_car(2, 2, along_m=5.0, instance=4)
+    both = Candidates(*(np.concatenate(pair) for pair in zip(vars(new).values(), vars(known).values(), strict=True)))
+    told = new_features(both, NOBODY, stored, NOTHING, SETTINGS, 50_000)
+    assert set(both.instance[told]) == {3}
+    gone = replaced_features(both, told, stored, key, SETTINGS)
+    assert gone[key == 7].all()
+    assert not gone[key == 8].any()
+    assert not replaced_features(both, told[:0], stored, key, SETTINGS).any()
+
+
+def test_a_glimpse_of_a_vehicle_waits() -> None:
+    glimpse = candidates(SETTINGS.min_group - 1, ClassLabel.CAR, 3)
+    assert len(new_features(glimpse, NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)) == 0
 
 
 def test_where_the_map_has_features_more_of_them_are_no_news() -> None:

@@ -18,7 +18,8 @@ class DiffSettings(BaseModel):
             it the light or the pose is to blame.
         gone_match_ratio: a feature, or a neighbourhood of features, that matches in at most this share of the frames
             is not there. Chance gives less than 0.05, a standing car 0.3 or more.
-        min_group: features of a neighbourhood that must be looked for before its absence counts.
+        min_group: features of a neighbourhood that must be looked for before its absence counts; a vehicle that has
+            fewer is not told of.
         neighbourhood_m: edge of the cells that features are grouped by.
         min_found_static, min_found_vehicle: frames that must have matched a new feature. Cars are passed in 6 to 12
             frames, so theirs are few.
@@ -28,9 +29,13 @@ class DiffSettings(BaseModel):
             where it is foretold.
         max_new_static: described features per window; the best-seen ones, spread in space.
         max_per_instance: features per instance.
+        spread_on_vehicle_m: they are spread over cells of this edge, so that what is seen of a vehicle the next time
+            lies near a stored one.
         max_diff_bytes: room for the whole diff; static features take what vehicles and ground leave (thesis, sec. 4.5:
             at most 60 KB).
-        known_radius_m: a vehicle feature this near to a stored one of the same place is no news.
+        known_radius_m: where a vehicle feature lies this near to a stored one, something still stands there.
+        same_radius_m: a vehicle most of whose features lie so near to stored ones, their own errors apart, is the one
+            that the map holds.
         spread_m: static features are spread over cells of this edge before the best-seen are kept; one this near to a
             stored one is no news.
         enough_stored: a frame that finds so many standing features of the map needs no more of them there: what only
@@ -56,8 +61,10 @@ class DiffSettings(BaseModel):
     max_offset_px: float = Field(default=2.0, ge=0)
     max_new_static: int = Field(default=1000, ge=0)
     max_per_instance: int = Field(default=100, ge=1)
+    spread_on_vehicle_m: float = Field(default=0.25, gt=0)
     max_diff_bytes: int = Field(default=55_000, ge=2000)
     known_radius_m: float = Field(default=0.35, gt=0)
+    same_radius_m: float = Field(default=0.1, gt=0)
     spread_m: float = Field(default=0.5, gt=0)
     enough_stored: int = Field(default=150, ge=0)
     trajectory_interval_s: float = Field(default=1.0, gt=0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from autowaze.vehicle.diffing.novelty import any_within
 from autowaze.vehicle.diffing.removal import LookedFor
@@ -11,6 +12,7 @@ from autowaze.vehicle.diffing.visibility import Sight, sight_of
 from autowaze.vehicle.ground import GroundObservation
 from autowaze.vehicle.slam.landmarks import Landmarks
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame
+from autowaze.world.camera import StereoCamera
 from autowaze.world.feature_map import MapFeatures
 from autowaze.world.features import CameraFeatures
 from autowaze.world.labels import is_vehicle
@@ -18,6 +20,7 @@ from autowaze.world.pose import transform
 
 _MATCHED = len(Sight)
 _SUPPORT_RANGE_M = 25.0
+_STEREO_SIGMA_PX, _SIGMAS = 0.3, 2.0  # of sub-pixel sparse stereo
 
 
 class StoredFeatureWatch:
@@ -26,10 +29,12 @@ class StoredFeatureWatch:
     Args:
         stored: the map's features, sorted by id.
         known_radius_m: a feature of a vehicle this near to a stored one without descriptor stands for it.
+        camera: that gives the features their depth.
     """
 
-    def __init__(self, stored: MapFeatures, known_radius_m: float) -> None:
+    def __init__(self, stored: MapFeatures, known_radius_m: float, camera: StereoCamera) -> None:
         self._stored = stored
+        self._bf = camera.bf
         self._plain = np.flatnonzero(~stored.described)
         self._radius_m = known_radius_m
         self._described_seen = Tally()
@@ -79,7 +84,16 @@ class StoredFeatureWatch:
         places = self._stored.position[near]
         held = any_within(seen[on_vehicle], places, self._radius_m)
         held |= any_within(seen[~on_vehicle], places, self._radius_m / 2)
-        self._plain_seen.add(near, np.where(held, _MATCHED, sight))
+        told = held | (sight == Sight.THROUGH) | self._can_be_found(places, tracked)
+        self._plain_seen.add(near[told], np.where(held, _MATCHED, sight)[told])
+
+    def _can_be_found(self, places: NDArray[np.float64], tracked: TrackedFrame) -> NDArray[np.bool_]:
+        """Which places (N, 3) are so near that stereo would put a feature there into the radius.
+
+        Farther away it says nothing that there is none; only that one sees through does.
+        """
+        depth = (places - tracked.T_map_cam[:3, 3]) @ tracked.T_map_cam[:3, 2]
+        return np.asarray(_SIGMAS * depth**2 * _STEREO_SIGMA_PX / self._bf <= self._radius_m)
 
     def _described(self, landmarks: Landmarks) -> LookedFor:
         ids, table = self._described_seen.table(_MATCHED + 1)

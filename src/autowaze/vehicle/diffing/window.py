@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from autowaze.vehicle.diffing.found import FoundLandmarks
 from autowaze.vehicle.diffing.instances import InstanceRecord
-from autowaze.vehicle.diffing.novelty import new_features
+from autowaze.vehicle.diffing.novelty import new_features, replaced_features
 from autowaze.vehicle.diffing.removal import LookedFor, removed_features
 from autowaze.vehicle.diffing.settings import DiffSettings
 from autowaze.vehicle.diffing.stored_watch import StoredFeatureWatch
@@ -149,8 +149,10 @@ class DiffWindow:
         removed = self._removed_ids(landmarks)
         self._removed = np.union1d(self._removed, removed)
         ground = self._told_ground(last)
-        new, sent = self._new_features(landmarks, len(ground))
+        new, sent, replaced = self._new_features(landmarks, len(ground))
         self._sent = np.union1d(self._sent, sent)
+        removed = np.union1d(removed, replaced)
+        self._removed = np.union1d(self._removed, replaced)
         positions = self._path_positions()
         diff = SemanticMapDiff(
             session=self.session,
@@ -181,7 +183,7 @@ class DiffWindow:
         self._path: list[tuple[float, NDArray[np.float64], float]] = []
         self._localized = 0
         self._found = FoundLandmarks(self.camera)
-        self._stored_watch = StoredFeatureWatch(self._stored.features, self.settings.known_radius_m)
+        self._stored_watch = StoredFeatureWatch(self._stored.features, self.settings.known_radius_m, self.camera)
         self._instances = InstanceRecord(self.session)
 
     def _told_ground(self, last: bool) -> GroundCells:
@@ -219,15 +221,21 @@ class DiffWindow:
             and _position_sigma(tracked) <= self.settings.max_position_sigma_m
         )
 
+    @property
+    def _may_tell_removals(self) -> bool:
+        return self._localized >= self.settings.min_localized_fraction * len(self._times)
+
     def _removed_ids(self, landmarks: Landmarks) -> NDArray[np.uint64]:
         seen = self.looked_for = self._stored_watch.looked_for(landmarks)
-        if self._localized < self.settings.min_localized_fraction * len(self._times):
+        if not self._may_tell_removals:
             return np.zeros(0, np.uint64)
         removed = seen.map_id[removed_features(seen, self.settings)]
         return np.setdiff1d(removed, self._removed)
 
-    def _new_features(self, landmarks: Landmarks, n_cells: int) -> tuple[MapFeatures, NDArray[np.int64]]:
-        """New features in wire order, and the landmarks that they are."""
+    def _new_features(
+        self, landmarks: Landmarks, n_cells: int
+    ) -> tuple[MapFeatures, NDArray[np.int64], NDArray[np.uint64]]:
+        """New features in wire order, the landmarks that they are, and ids of stored ones in whose place they are."""
         candidates = self._found.candidates(landmarks, self._sent)
         stored = self._stored.features[self._near_path(self._stored.features)]
         stored = stored[~np.isin(stored.id, self._removed)]
@@ -241,10 +249,13 @@ class DiffWindow:
             self.settings,
             budget,
         )
+        cars = stored[vehicle]
+        replaced = replaced_features(candidates, chosen, cars.position, cars.instance_key, self.settings)
+        replaced &= self._may_tell_removals
         rows = landmarks.rows(candidates.landmark_id[chosen])
         described = ~is_vehicle(candidates.label[chosen])
         n = len(chosen)
-        return MapFeatures(
+        new = MapFeatures(
             id=feature_ids(self.session, self._sequence, n),
             position=candidates.position[chosen],
             descriptor=landmarks.descriptor[rows] * described[:, None].astype(np.uint8),
@@ -256,7 +267,8 @@ class DiffWindow:
             first_seen=np.full(n, self._times[0]),
             last_seen=np.full(n, self._times[-1]),
             observations=np.minimum(candidates.found[chosen], 0xFFFF).astype(np.uint16),
-        ), candidates.landmark_id[chosen]
+        )
+        return new, candidates.landmark_id[chosen], cars.id[replaced]
 
     def _near_path(self, features: MapFeatures) -> NDArray[np.bool_]:
         """Mask (N,) of the features that the window may have come near."""

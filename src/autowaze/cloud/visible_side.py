@@ -20,7 +20,7 @@ from autowaze.world.labels import ClassLabel
 from autowaze.world.vehicles import VehicleBoxes
 
 MIN_POINTS = 4
-USUAL_SIZE_M = {ClassLabel.CAR: (4.4, 1.8), ClassLabel.TRUCK: (5.2, 2.0), ClassLabel.BUS: (10.0, 2.5)}
+USUAL_SIZE_M = {ClassLabel.CAR: (4.3, 1.8), ClassLabel.TRUCK: (5.2, 2.0), ClassLabel.BUS: (10.0, 2.5)}
 """Length and width; segmentation networks trained on COCO call vans and pick-ups trucks."""
 LONGEST_M = 14.0
 CROSSWISE_M = 1.0
@@ -30,7 +30,11 @@ FACE_QUANTILES = (0.12, 0.88)
 """Where the faces of a vehicle lie in the spread of its points: some lie behind the face, on bonnet, roof and through
 windows; some before it, by depth noise."""
 SEEN_LENGTH_SHARE = (0.4, 0.6)
-"""Points that span more of a vehicle's length than this lie along its whole side; fewer, on its near end only."""
+"""Points that span more of a vehicle's length than this lie along its side; fewer, on its near end only."""
+UNSEEN_END_M, UNSEEN_END_SIGMA_M = 0.7, 0.3
+"""How far before the far end of a vehicle its side yields no points any more: that end is seen from no car that passes."""
+LENGTH_SIGMA_M = 0.35
+"""How much lengths of one class differ."""
 CERTAIN_VIEW = 0.15
 """Share of the view along an axis from which on it is certain which of two opposite faces was seen."""
 FIT_SIGMA_M = (0.35, 0.12)
@@ -107,8 +111,14 @@ def _fitted(
             near = near * abs(towards) + (low + high) / 2 * (1.0 - abs(towards))
             middle[axis] = near + towards * size[axis] / 2
         share = (long / usual[g, 0] - SEEN_LENGTH_SHARE[0]) / (SEEN_LENGTH_SHARE[1] - SEEN_LENGTH_SHARE[0])
-        ends = (_quantile(along, END_QUANTILES[0]) + _quantile(along, END_QUANTILES[1])) / 2
-        middle[0] += min(max(share, 0.0), 1.0) * (ends - middle[0])
+        share = min(max(share, 0.0), 1.0)
+        low, high = _quantile(along, END_QUANTILES[0]), _quantile(along, END_QUANTILES[1])
+        towards = axes[0, 0] * view_direction[g, 0] + axes[0, 1] * view_direction[g, 1]
+        towards = min(max(towards / CERTAIN_VIEW, -1.0), 1.0)
+        told = share * LENGTH_SIGMA_M**2 / (LENGTH_SIGMA_M**2 + UNSEEN_END_SIGMA_M**2)
+        longer = told * (long + UNSEEN_END_M - size[0])
+        middle[0] += abs(towards) * towards * longer / 2 + (1.0 - abs(towards)) * share * ((low + high) / 2 - middle[0])
+        size[0] += abs(towards) * longer
         if not np.isnan(spot_centre[g, 0]):
             _pull(middle, axes @ spot_centre[g], sizes[g])
         table[g, :2] = middle[0] * axes[0] + middle[1] * axes[1]

@@ -32,7 +32,7 @@ windows; some before it, by depth noise."""
 SEEN_LENGTH_SHARE = (0.4, 0.6)
 """Points that span more of a vehicle's length than this lie along its side; fewer, on its near end only."""
 UNSEEN_END_M, UNSEEN_END_SIGMA_M = 0.7, 0.3
-"""How far before the far end of a vehicle its side yields no points any more: that end is seen from no car that passes."""
+"""How far before the far end of a vehicle the points of its side end: no car that passes sees that end."""
 LENGTH_SIGMA_M = 0.35
 """How much lengths of one class differ."""
 CERTAIN_VIEW = 0.15
@@ -116,7 +116,7 @@ def _fitted(
         towards = axes[0, 0] * view_direction[g, 0] + axes[0, 1] * view_direction[g, 1]
         towards = min(max(towards / CERTAIN_VIEW, -1.0), 1.0)
         told = share * LENGTH_SIGMA_M**2 / (LENGTH_SIGMA_M**2 + UNSEEN_END_SIGMA_M**2)
-        longer = told * (long + UNSEEN_END_M - size[0])
+        longer = told * (min(long + UNSEEN_END_M, LONGEST_M) - size[0])
         middle[0] += abs(towards) * towards * longer / 2 + (1.0 - abs(towards)) * share * ((low + high) / 2 - middle[0])
         size[0] += abs(towards) * longer
         if not np.isnan(spot_centre[g, 0]):

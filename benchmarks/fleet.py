@@ -86,14 +86,13 @@ class Fleet:
 
     def payload(self, car: int, sequence: int, end: float) -> bytes:
         """The diff that a car hands in as its next, of a window that ends then (seconds since the epoch)."""
-        windows = self.windows
-        window = self._passes[sequence // windows % VARIANTS][sequence % windows]
+        window = self._window(car, sequence)
         message = pb.SemanticMapDiff()
         message.CopyFrom(window.message)
         message.session, message.sequence = self._first_session + car, sequence
         message.start, message.end = end - WINDOW_S, end
         self._move(message, window.diff, *offset_m(car % self._blocks, self._blocks))
-        removed = self._removed(message.session, sequence - windows)
+        removed = self._removed(car, sequence - self.windows)
         message.removed_count, message.removed = len(removed), pack_integers(removed.astype(np.int64), delta=True)
         body = self._compressor.compress(message.SerializeToString())
         return pb.Envelope(version=VERSION, body=body).SerializeToString()
@@ -106,13 +105,16 @@ class Fleet:
         message.ground.x += round(east / SQUARE_M)
         message.ground.y += round(north / SQUARE_M)
 
-    def _removed(self, session: int, sequence: int) -> NDArray[np.uint64]:
+    def _window(self, car: int, sequence: int) -> _Window:
+        """Cars are not in step: of as many as a round has windows, each is in another one."""
+        driven, window = divmod(sequence + car, self.windows)
+        return self._passes[driven % VARIANTS][window]
+
+    def _removed(self, car: int, sequence: int) -> NDArray[np.uint64]:
         """What the car's last pass added, so that the map stays as large as it is."""
         if sequence < 0:
             return np.zeros(0, np.uint64)
-        windows = self.windows
-        before = self._passes[sequence // windows % VARIANTS][sequence % windows]
-        return feature_ids(session, sequence, len(before.diff.new))
+        return feature_ids(self._first_session + car, sequence, len(self._window(car, sequence).diff.new))
 
 
 def _passes() -> list[list[_Window]]:

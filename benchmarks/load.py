@@ -106,12 +106,13 @@ async def drive(port: int, fleet: Fleet, first: int, rate: float, seconds: float
     connecting = (loop.create_connection(lambda: Car(tally), "127.0.0.1", port) for _ in range(fleet.cars))
     cars = [protocol for _, protocol in await asyncio.gather(*connecting)]
     sequences = [first] * fleet.cars
+    turns = np.random.default_rng(0).permutation(fleet.cars).tolist()  # neighbours are no nearer in time than others
     began, began_at = time.perf_counter(), time.time()
     for number in range(int(rate * seconds)):
         pause = began + number / rate - time.perf_counter()
         if pause > 0:
             await asyncio.sleep(pause)
-        car = number % fleet.cars
+        car = turns[number % fleet.cars]
         if cars[car].waits:
             tally.late += 1
             continue

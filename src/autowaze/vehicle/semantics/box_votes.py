@@ -99,19 +99,44 @@ def group_votes(
         confidence: (K,) float32 in 0..1.
         class_number: (K,) int64.
     """
-    n_classes = len(votes) - 6
-    kind = votes[1 : 1 + n_classes].argmax(axis=0)
-    margin = np.asarray(votes[1 : 1 + n_classes].max(axis=0) - votes[0], np.float32)
-    ys, xs = np.nonzero(margin > 0)
+    margin, ys, xs, kinds = _foreground(votes[:-5])
     distance = DISTANCE_UNIT * np.exp(np.clip(votes[-5:-1, ys, xs], -6.0, 6.0)).T
     at = (OUTPUT_STRIDE * np.stack([xs, ys], axis=1) + OUTPUT_STRIDE / 2).astype(np.float32)
     boxes = np.concatenate([at - distance[:, :2], at + distance[:, 2:]], axis=1).astype(np.float32)
     owner = np.full(margin.shape, -1, np.int16)
     cell_owner, confidence, number = instances_of_votes(
-        at, boxes, kind[ys, xs], _sigmoid(margin[ys, xs]), _sigmoid(votes[-1, ys, xs]), OUTPUT_STRIDE
+        at, boxes, kinds, _sigmoid(margin[ys, xs]), _sigmoid(votes[-1, ys, xs]), OUTPUT_STRIDE
     )
     owner[ys, xs] = cell_owner
     return owner, margin, confidence, number
+
+
+@numba.njit(cache=True)
+def _foreground(
+    logits: NDArray[np.float32],
+) -> tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Where (1 + C, h, w) logits show more than background: margins (h, w); rows, columns and classes (N,)."""
+    classes, height, width = logits.shape
+    margin = np.empty((height, width), np.float32)
+    kind = np.empty((height, width), np.int64)
+    count = 0
+    for y in range(height):
+        for x in range(width):
+            best = 1
+            for k in range(2, classes):
+                if logits[k, y, x] > logits[best, y, x]:
+                    best = k
+            margin[y, x] = logits[best, y, x] - logits[0, y, x]
+            kind[y, x] = best - 1
+            count += margin[y, x] > 0
+    ys, xs, kinds = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count, np.int64)
+    n = 0
+    for y in range(height):
+        for x in range(width):
+            if margin[y, x] > 0:
+                ys[n], xs[n], kinds[n] = y, x, kind[y, x]
+                n += 1
+    return margin, ys, xs, kinds
 
 
 def _sigmoid(x: NDArray[np.float32]) -> NDArray[np.float32]:

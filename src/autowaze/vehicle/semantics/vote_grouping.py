@@ -163,22 +163,28 @@ def _chosen(
             own[i] = overlap > _SUPPORT
             support[k] += score[i] * own[i]
         worth[k] *= np.float32(_overlap(_filled(at[own], 0.0), candidates[k]))
+    gain = worth.sum(axis=1) - _WORTH * support
     represented = np.zeros(len(boxes), np.float32)
+    current = np.ones(count, np.bool_)
     chosen = np.empty(count, np.int64)
     n_chosen = 0
-    while True:
-        best, best_gain = -1, 0.0
-        for k in range(count):
-            gain = -_WORTH * support[k]
+    while count:
+        best = int(np.argmax(gain))
+        if gain[best] <= 0.0:
+            break
+        if not current[best]:
+            # gains only fall: what is not the best by an old one is not the best (Minoux 1978)
+            gain[best] = -_WORTH * support[best]
             for i in range(len(boxes)):
-                gain += max(worth[k, i] - represented[i], 0.0)
-            if gain > best_gain:
-                best, best_gain = k, gain
-        if best < 0:
-            return chosen[:n_chosen]
+                gain[best] += max(worth[best, i] - represented[i], np.float32(0.0))
+            current[best] = True
+            continue
         chosen[n_chosen] = best
         n_chosen += 1
         represented = np.maximum(represented, worth[best])
+        current[:] = False
+        gain[best] = 0.0
+    return chosen[:n_chosen]
 
 
 @numba.njit(cache=True)
@@ -188,8 +194,10 @@ def _filled(at: NDArray[np.float32], half: float) -> NDArray[np.float32]:
     if len(at):
         stray = int(_STRAY * len(at))
         for axis in range(2):
-            along = np.sort(at[:, axis])
-            box[axis], box[axis + 2] = along[stray] - half, along[len(along) - 1 - stray] + half
+            along = at[:, axis].copy()
+            last = len(along) - 1 - stray
+            box[axis] = np.partition(along, stray)[stray] - half
+            box[axis + 2] = np.partition(along, last)[last] + half
     return box
 
 

@@ -9,20 +9,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.vehicle.vision.compiled import compiled
 from autowaze.vehicle.vision.pyramid import Pyramid
 from autowaze.world.columns import Columns
-from autowaze.world.frame import Image
 
 BORDER_PX = 19  # half the descriptor's patch and what its rotation and blur need
-_RADIUS_PX = 3
-_HALF_CIRCLE = ((-3, 0), (0, -3), (-2, -2), (-2, 2))  # rows and columns; the other half lies opposite
+_RADIUS_PX = 3  # of the circle: (0, 3), (3, 0), (2, 2), (2, -2) and the pixels opposite
 _MAX_RANK = 64  # corners of one cell that compete
-_NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 
 @dataclass
@@ -52,52 +48,92 @@ class CornerFinder:
         self._quota = quota
         self._threshold = threshold
         largest = max(pyramid.levels[level].size for level in levels)
-        self._response = {level: np.zeros_like(pyramid.levels[level]) for level in levels}
-        self._bytes = np.zeros((4, largest), np.uint8)
-        self._words = np.zeros((2, largest), np.uint16)
+        self._bytes = np.zeros((2, largest), np.uint8)
+        self._words = np.zeros(largest, np.uint16)
 
     def find(self) -> Corners:
         """Corners of the levels, level by level."""
         return Corners.concatenate([self._find_in_level(level) for level in self._levels])
 
     def _find_in_level(self, level: int) -> Corners:
-        image, response = self._pyramid.levels[level], self._response[level]
-        segment_response(image, response, self._bytes)
-        peaks, strong = (flat[: image.size].reshape(image.shape) for flat in self._bytes[:2])
-        strength, highest = (flat[: image.size].reshape(image.shape) for flat in self._words)
-        cv2.boxFilter(response, cv2.CV_16U, (3, 3), dst=strength, normalize=False)  # breaks ties between neighbours
-        cv2.dilate(strength, _NEIGHBOURS, dst=highest)
-        cv2.compare(strength, highest, cv2.CMP_EQ, dst=peaks)
-        cv2.threshold(response, self._threshold, 255, cv2.THRESH_BINARY, dst=strong)
-        cv2.bitwise_and(peaks, strong, dst=peaks)
+        image = self._pyramid.levels[level]
+        response, is_peak = (flat[: image.size].reshape(image.shape) for flat in self._bytes)
+        strength = self._words[: image.size].reshape(image.shape)
+        is_peak[:] = 0
+        _find_peaks(image, np.uint8(self._threshold), response, strength, is_peak)
         cell_px = max(np.sqrt(image.size / max(self._quota[level], 1)), 1.0)
-        xy = _spread_corners(_places(peaks.reshape(-1)), strength, cell_px, self._quota[level])
+        xy = _spread_corners(_places(is_peak.reshape(-1)), strength, cell_px, self._quota[level])
         return Corners(xy, np.full(len(xy), level, np.uint8), _peaks(xy, strength))
 
 
-def segment_response(image: Image, out: Image, scratch: NDArray[np.uint8]) -> None:
-    """Corner response (H, W) uint8 of a grey image, in grey levels; 0 within three pixels of the border.
+@compiled
+def _find_peaks(image, threshold, response, strength, is_peak):  # type: ignore[no-untyped-def]
+    """Where the response, summed over 3 x 3 pixels, is highest among its neighbours and above the threshold itself.
 
-    Args:
-        image: (H, W) uint8.
-        out: where the response goes.
-        scratch: (4, H * W or more) uint8, overwritten.
+    Of equally strong neighbours the last one in reading order is taken. Fills response, strength and is_peak (H, W) as
+    far as the border; row by row, so that what one step writes is still near when the next one reads it.
     """
-    r = _RADIUS_PX
-    h, w = image.shape
-    inner = h - 2 * r, w - 2 * r
-    bright, dark, upper, lower = (flat[: inner[0] * inner[1]].reshape(inner) for flat in scratch)
-    for i, (dy, dx) in enumerate(_HALF_CIRCLE):
-        one, opposite = (image[r + y : h - r + y, r + x : w - r + x] for y, x in ((dy, dx), (-dy, -dx)))
-        cv2.max(one, opposite, dst=upper if i else bright)
-        cv2.min(one, opposite, dst=lower if i else dark)
-        if i:
-            cv2.min(bright, upper, dst=bright)
-            cv2.max(dark, lower, dst=dark)
-    centre = image[r : h - r, r : w - r]
-    cv2.subtract(bright, centre, dst=bright)
-    cv2.subtract(centre, dark, dst=dark)
-    cv2.max(bright, dark, dst=out[r : h - r, r : w - r])
+    height = image.shape[0]
+    first = BORDER_PX - 2
+    for y in range(first, height - first):
+        _response(image[y - 3], image[y - 2], image[y], image[y + 2], image[y + 3], response[y])
+        if y > first + 1:
+            _sum_around(response[y - 2], response[y - 1], response[y], strength[y - 1])
+        if y > first + 3:
+            rows = strength[y - 3], strength[y - 2], strength[y - 1]
+            _highest(rows[0], rows[1], rows[2], response[y - 2], threshold, is_peak[y - 2])
+
+
+@compiled
+def _response(up, above, here, below, down, out):  # type: ignore[no-untyped-def]
+    """Response of one row (W,) from the rows 3 and 2 above and below it; unsigned indices need no test for the end."""
+    for k in range(out.shape[0] - 2 * _RADIUS_PX):
+        i = np.uint64(k)
+        centre = here[i + np.uint64(3)]
+        bright, dark = _ordered(up[i + np.uint64(3)], down[i + np.uint64(3)])
+        high, low = _ordered(here[i], here[i + np.uint64(6)])
+        bright, dark = _lesser(bright, high), _greater(dark, low)
+        high, low = _ordered(above[i + np.uint64(1)], below[i + np.uint64(5)])
+        bright, dark = _lesser(bright, high), _greater(dark, low)
+        high, low = _ordered(above[i + np.uint64(5)], below[i + np.uint64(1)])
+        bright, dark = _lesser(bright, high), _greater(dark, low)
+        brighter = np.uint8(bright - centre) if bright > centre else np.uint8(0)
+        darker = np.uint8(centre - dark) if centre > dark else np.uint8(0)
+        out[i + np.uint64(3)] = _greater(brighter, darker)
+
+
+@compiled
+def _sum_around(above, here, below, out):  # type: ignore[no-untyped-def]
+    for k in range(out.shape[0] - 2):
+        i, j, m = np.uint64(k), np.uint64(k + 1), np.uint64(k + 2)
+        upper = np.uint16(np.uint16(above[i]) + np.uint16(np.uint16(above[j]) + np.uint16(above[m])))
+        middle = np.uint16(np.uint16(here[i]) + np.uint16(np.uint16(here[j]) + np.uint16(here[m])))
+        lower = np.uint16(np.uint16(below[i]) + np.uint16(np.uint16(below[j]) + np.uint16(below[m])))
+        out[j] = np.uint16(upper + np.uint16(middle + lower))
+
+
+@compiled
+def _highest(above, here, below, response, threshold, out):  # type: ignore[no-untyped-def]
+    for k in range(out.shape[0] - 2):
+        i, j, m = np.uint64(k), np.uint64(k + 1), np.uint64(k + 2)
+        before = _greater(_greater(above[i], above[j]), _greater(above[m], here[i]))
+        after = _greater(_greater(below[i], below[j]), _greater(below[m], here[m]))
+        out[j] = np.uint8((here[j] >= before) & (here[j] > after) & (response[j] > threshold))
+
+
+@compiled
+def _ordered(a, b):  # type: ignore[no-untyped-def]
+    return _greater(a, b), _lesser(a, b)
+
+
+@compiled
+def _greater(a, b):  # type: ignore[no-untyped-def]
+    return a if a > b else b
+
+
+@compiled
+def _lesser(a, b):  # type: ignore[no-untyped-def]
+    return a if a < b else b
 
 
 def _places(marked: NDArray[np.uint8]) -> NDArray[np.int64]:
@@ -123,10 +159,7 @@ def _nonzero(words, marked):  # type: ignore[no-untyped-def]
 
 @compiled
 def _spread_corners(places, strength, cell_px, quota):  # type: ignore[no-untyped-def]
-    """Local maxima, x and y (n, 2): the best of every cell, then the second best, until the quota is full.
-
-    Of equally strong neighbours the last one in reading order is taken.
-    """
+    """Local maxima, x and y (n, 2): the best of every cell, then the second best, until the quota is full."""
     height, width = strength.shape
     n_columns = np.int64(width / cell_px) + 1
     n_cells = n_columns * (np.int64(height / cell_px) + 1)
@@ -136,11 +169,8 @@ def _spread_corners(places, strength, cell_px, quota):  # type: ignore[no-untype
         y, x = place // width, place % width
         if x < BORDER_PX or y < BORDER_PX or x >= width - BORDER_PX or y >= height - BORDER_PX:
             continue
-        s = strength[y, x]
-        after = max(strength[y, x + 1], strength[y + 1, x - 1], strength[y + 1, x], strength[y + 1, x + 1])
-        if s > after:
-            key[n] = (-np.int64(s) << 32) + place
-            n += 1
+        key[n] = (-np.int64(strength[y, x]) << 32) + place
+        n += 1
     order = np.sort(key[:n])
     in_cell = np.zeros(n_cells, np.int64)
     rank = np.empty(n, np.int64)

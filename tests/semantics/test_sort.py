@@ -136,6 +136,38 @@ def test_a_parked_car_that_another_slid_before_is_awaited_where_it_stood():
     assert tracks.id.tolist() == [1]
 
 
+def test_a_car_of_which_now_one_end_is_seen_and_now_the_other_keeps_its_id():
+    sort = Sort(CAMERA)
+    ids = set()
+    for k in range(14):
+        (left, top, right, bottom), z = parked_car(x=4.0, z=16.0, T_map_cam=at(0.2 * k), width=4.2)
+        third = (right - left) / 3
+        if 6 <= k < 9:
+            right = left + third
+        elif k >= 9:
+            left = right - third
+        ids.update(sort.update(detections((left, top, right, bottom)), at(0.2 * k), depths(z)).id.tolist())
+    assert ids == {1}
+
+
+def test_a_car_whose_lower_half_is_hidden_is_not_taken_for_one_farther_away():
+    sort = Sort(CAMERA)
+    ids = set()
+    for k in range(12):
+        (left, top, right, bottom), z = parked_car(x=4.0, z=16.0, T_map_cam=at(0.2 * k), width=4.2)
+        if 3 <= k < 10:  # and what is left has no feature to tell how far away it is
+            bottom -= min(k - 2, 4) / 6 * (bottom - top)
+        known = depths(np.nan if 3 <= k < 9 else z)
+        ids.update(sort.update(detections((left, top, right, bottom)), at(0.2 * k), known).id.tolist())
+    assert ids == {1}
+
+
+def test_what_is_very_near_keeps_its_id_where_its_place_is_foretold_badly():
+    sort = Sort(CAMERA)
+    assert sort.update(detections((700.0, 100.0, 1240.0, 375.0)), at(0.0), depths(2.0)).id.tolist() == [1]
+    assert sort.update(detections((740.0, 95.0, 1240.0, 375.0)), at(1.3), depths(7.0)).id.tolist() == [1]
+
+
 def test_a_nearer_car_does_not_take_over_the_id_of_the_one_it_hides():
     sort = Sort(CAMERA)
     behind, z_behind = parked_car(x=3.0, z=24.0, T_map_cam=at(0.0))

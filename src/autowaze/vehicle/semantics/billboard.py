@@ -19,7 +19,9 @@ _TOLERANCE_M, _DISPARITY_SIGMA_PX, _SIGMAS = 2.0, 0.5, 4.0
 _MAX_DISAGREEMENTS = 2
 _DEPTH_GAIN = 0.5
 _MAX_GROWTH = 1.2  # of a box from one frame to the next, beyond what ego motion explains
+_SAME_SHAPE = 0.1  # logarithm by which the ratio of width and height may change from one frame to the next
 _BORDER_PX = 2.0
+_WIDEST_SHARE = 0.9  # of the largest area ever seen of a side: what is smaller is partly hidden
 
 # Usual heights in metres, to place what stereo cannot.
 _HEIGHT_M = np.full(len(ClassLabel), 1.0)
@@ -33,6 +35,7 @@ class Billboards:
     def __init__(self, camera: StereoCamera) -> None:
         self.camera = camera
         self._corners = np.zeros((0, 4, 3))
+        self._widest = np.zeros((0, 4, 3))
         self._disagreements = np.zeros(0, np.int64)
         self._measured = np.zeros(0, np.bool_)
         self._T_map_cam: Pose | None = None
@@ -45,12 +48,14 @@ class Billboards:
     def add(self, n: int) -> None:
         """Append tracks without a place."""
         self._corners = np.concatenate([self._corners, np.full((n, 4, 3), np.nan)])
+        self._widest = np.concatenate([self._widest, np.full((n, 4, 3), np.nan)])
         self._disagreements = np.concatenate([self._disagreements, np.zeros(n, np.int64)])
         self._measured = np.concatenate([self._measured, np.zeros(n, np.bool_)])
 
     def keep(self, rows: NDArray[np.bool_]) -> None:
         """Drop the other tracks."""
         self._corners, self._disagreements = self._corners[rows], self._disagreements[rows]
+        self._widest = self._widest[rows]
         self._measured = self._measured[rows]
 
     def shift(self, T_map_cam: Pose | None) -> NDArray[np.float64]:
@@ -58,15 +63,21 @@ class Billboards:
         before, self._T_map_cam = self._T_map_cam, T_map_cam
         if before is None or T_map_cam is None:
             return np.zeros((len(self._corners), 4))
-        then, _ = self._project(np.arange(len(self._corners)), before)
-        now, _ = self._project(np.arange(len(self._corners)), T_map_cam)
+        then, _ = self._project(self._corners, before)
+        now, _ = self._project(self._corners, T_map_cam)
         return np.nan_to_num(now - then)
+
+    def widest_boxes(self) -> NDArray[np.float64]:
+        """Boxes (T, 4) in this frame of the sides as they were seen when least was hidden; NaN where unknown."""
+        if self._T_map_cam is None:
+            return np.full((len(self._corners), 4), np.nan)
+        return self._project(self._widest, self._T_map_cam)[0]
 
     def depth(self) -> NDArray[np.float64]:
         """Depth (T,) in metres at which each track should be seen in this frame; NaN unless stereo placed it."""
         if self._T_map_cam is None:
             return np.full(len(self._corners), np.nan)
-        _, edges = self._project(np.arange(len(self._corners)), self._T_map_cam)
+        _, edges = self._project(self._corners, self._T_map_cam)
         return np.where(self._measured, edges.mean(axis=1), np.nan)
 
     def tolerance(self, depth: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -87,7 +98,7 @@ class Billboards:
         """
         if self._T_map_cam is None:
             return
-        standing, expected = self._project(rows, self._T_map_cam)
+        standing, expected = self._project(self._corners[rows], self._T_map_cam)
         followed = expected * self._growth(standing, boxes)[:, None]
         by_size = _HEIGHT_M[labels] * self.camera.fy / np.maximum(boxes[:, 3] - boxes[:, 1], 1.0)
         followed = np.where(np.isfinite(followed), followed, by_size[:, None])
@@ -102,13 +113,22 @@ class Billboards:
         edges = np.where((known & ~doubted)[:, None], edges, followed)
         self._measured[rows] |= known
         self._corners[rows] = self._stand_up(boxes, np.maximum(edges, _NEAREST_M))
+        grown = ~(_area(self._corners[rows]) < _WIDEST_SHARE * _area(self._widest[rows]))
+        self._widest[rows] = np.where(grown[:, None, None], self._corners[rows], self._widest[rows])
 
     def _growth(self, standing: NDArray[np.float64], boxes: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Height of the standing box over that of the box seen; 1 where the image's border cuts either."""
-        limit = self.camera.height - 1 - _BORDER_PX
-        cut = (np.minimum(standing[:, 1], boxes[:, 1]) < _BORDER_PX) | (np.maximum(standing[:, 3], boxes[:, 3]) > limit)
-        ratio = (standing[:, 3] - standing[:, 1]) / np.maximum(boxes[:, 3] - boxes[:, 1], 1.0)
-        return np.where(cut, 1.0, np.clip(ratio, 1 / _MAX_GROWTH, _MAX_GROWTH))
+        """Size of the standing box over that of the box seen.
+
+        What comes nearer grows in width as in height; what another thing hides or bares changes its shape, and says
+        nothing of its depth. 1 there, and where the image's border cuts either box.
+        """
+        limit = np.array([self.camera.width, self.camera.height]) - 1 - _BORDER_PX
+        low, high = np.minimum(standing[:, :2], boxes[:, :2]), np.maximum(standing[:, 2:], boxes[:, 2:])
+        cut = (low < _BORDER_PX) | (high > limit)
+        ratio = np.maximum(standing[:, 2:] - standing[:, :2], 1.0) / np.maximum(boxes[:, 2:] - boxes[:, :2], 1.0)
+        width = np.where(cut[:, 0], 1.0, ratio[:, 0])
+        alike = np.abs(np.log(width / ratio[:, 1])) < _SAME_SHAPE
+        return np.where(alike & ~cut[:, 1], np.clip(ratio[:, 1], 1 / _MAX_GROWTH, _MAX_GROWTH), 1.0)
 
     def _stand_up(self, boxes: NDArray[np.float32], edges: NDArray[np.float64]) -> NDArray[np.float64]:
         """Corners (n, 4, 3) in map metres of boxes (n, 4) with edges (n, 2) so many metres away."""
@@ -118,9 +138,11 @@ class Billboards:
         assert self._T_map_cam is not None
         return transform(self._T_map_cam, corners).reshape(-1, 4, 3)
 
-    def _project(self, rows: NDArray[np.int64], T_map_cam: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Boxes (n, 4) that hold the corners, cut to the image, and the depths (n, 2) of their edges."""
-        points = transform(inverse(T_map_cam), self._corners[rows].reshape(-1, 3))
+    def _project(
+        self, corners: NDArray[np.float64], T_map_cam: Pose
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Boxes (n, 4) that hold the corners (n, 4, 3), cut to the image, and the depths (n, 2) of their edges."""
+        points = transform(inverse(T_map_cam), corners.reshape(-1, 3))
         depth = points[:, 2].reshape(-1, 4)
         edges = np.stack([depth[:, [0, 3]].mean(axis=1), depth[:, [1, 2]].mean(axis=1)], axis=1)
         points[:, 2] = np.maximum(points[:, 2], _NEAREST_M)
@@ -128,3 +150,10 @@ class Billboards:
         limit = np.array([self.camera.width, self.camera.height], dtype=np.float64)
         low, high = np.clip(uv.min(axis=1), 0, limit), np.clip(uv.max(axis=1), 0, limit)
         return np.concatenate([low, high], axis=1), edges
+
+
+def _area(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Square metres (n,) of upright rectangles by their corners (n, 4, 3)."""
+    width = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
+    height = np.linalg.norm(corners[:, 3] - corners[:, 0], axis=1)
+    return np.asarray(width * height)

@@ -23,6 +23,7 @@ from autowaze.world.instances import Detections, Tracks
 from autowaze.world.labels import ClassLabel, is_vehicle
 from autowaze.world.pose import Pose
 
+_CALM_GAIN = 0.1  # one frame's weight in whether a track stands: a car that passes before it bends its box for several
 _BORDER_PX = 2.0  # a box that comes as near to the border of the image as this is cut by it
 
 
@@ -39,6 +40,7 @@ class SortSettings:
         max_drift: shift of a box per frame over its size, beyond ego motion, up to which the object may be standing.
         min_containment: least share of a detection that lies in the foretold box of a partly hidden object, when
             their depths agree.
+        min_iou_in_place: least overlap with the box of the frame before of what nothing foretold explains.
     """
 
     min_iou: float = 0.2
@@ -48,6 +50,7 @@ class SortSettings:
     max_age_in_map: int = 30
     max_drift: float = 0.12
     min_containment: float = 0.7
+    min_iou_in_place: float = 0.6
 
 
 class Sort:
@@ -63,6 +66,7 @@ class Sort:
         self._age = np.zeros(0, np.int64)
         self._votes = np.zeros((0, len(ClassLabel)))
         self._last_box = np.zeros((0, 4))
+        self._calm = np.zeros(0)
         self._next_id = 1
 
     def update(
@@ -94,6 +98,7 @@ class Sort:
         self._hits[rows] += 1
         self._votes[rows, detections.label] += detections.confidence
         self._last_box[rows] = detections.box
+        self._calm[rows] += _CALM_GAIN * (self._keeps_place()[rows] - self._calm[rows])
         if self._billboards:
             self._billboards.place(rows, detections.box, detections.label, depths)
         tracks = self._report(rows, detections)
@@ -107,15 +112,23 @@ class Sort:
         elsewhere, agree = self._compare_depths(depths)
         rows = np.full(len(detections), -1, np.int64)
         s = self.settings
-        enough = iou >= np.where(elsewhere, s.min_iou_elsewhere, s.min_iou)
-        _assign(rows, np.where(same_kind & enough, np.where(elsewhere, iou - s.min_iou, iou), 0.0))
+        _assign(rows, np.where(same_kind & ~elsewhere & (iou >= s.min_iou), iou, 0.0))
         _assign(rows, np.where(same_kind & agree & (containment >= s.min_containment), containment, 0.0))
+        _assign(rows, np.where(same_kind & elsewhere & (iou >= s.min_iou_elsewhere), iou, 0.0))
+        # Of what another thing slides before, now this part is seen and now that.
+        if self._billboards:
+            _, part = _overlaps(np.asarray(detections.box, np.float64), np.nan_to_num(self._billboards.widest_boxes()))
+            possible = same_kind & agree & self._waits_in_map() & (part >= s.min_containment)
+            _assign(rows, np.where(possible, part, 0.0))
         # What leaves the image shrinks within its box to a bonnet in the corner, too small for a depth.
         there, still_inside = _overlaps(np.asarray(detections.box, np.float64), self._last_box)
         seen_before = (self._age == 0)[None, :]
         leaving = seen_before & (cut[:, None, ::2] & self._cut(self._last_box)[None, :, ::2]).any(axis=2)
         inside = still_inside >= s.min_containment
         _assign(rows, np.where(same_kind & leaving & inside & ~elsewhere, still_inside, 0.0))
+        # The place of what is very near, or half hidden, is foretold badly; what nothing else explains and fills the
+        # box of the frame before is what was there.
+        _assign(rows, np.where(same_kind & seen_before & (there >= s.min_iou_in_place), there, 0.0))
         # The depth of a thin person is easily that of the wall behind; nobody walks far in a frame.
         thin = same_kind & ~is_vehicle(detections.label)[:, None] & seen_before
         _assign(rows, np.where(thin & (there >= s.min_iou), there, 0.0))
@@ -158,6 +171,7 @@ class Sort:
         self._age = np.concatenate([self._age, np.zeros(n, np.int64)])
         self._votes = np.concatenate([self._votes, np.zeros((n, len(ClassLabel)))])
         self._last_box = np.concatenate([self._last_box, np.zeros((n, 4))])
+        self._calm = np.concatenate([self._calm, np.ones(n)])
         return first + np.arange(n)
 
     def _report(self, rows: NDArray[np.int64], detections: Detections) -> Tracks:
@@ -171,17 +185,20 @@ class Sort:
         if self._billboards:
             self._billboards.keep(keep)
         self._id, self._hits, self._age = self._id[keep], self._hits[keep], self._age[keep]
-        self._votes, self._last_box = self._votes[keep], self._last_box[keep]
+        self._votes, self._last_box, self._calm = self._votes[keep], self._last_box[keep], self._calm[keep]
 
     def _waits_in_map(self) -> NDArray[np.bool_]:
-        """Tracks (T,) whose place is known and in view, and whose box moves as that of a standing object."""
+        """Tracks (T,) whose place is known and in view, and whose box mostly moved as that of a standing object."""
         if self.camera is None or self._billboards is None:
             return np.zeros(len(self._id), np.bool_)
         boxes = states_to_boxes(self._filter.mean)
-        size = np.sqrt(self._filter.mean[:, 2])
-        stands = np.hypot(self._filter.mean[:, 4], self._filter.mean[:, 5]) < self.settings.max_drift * size + 1.0
         in_view = (boxes[:, 2:] > 0) & (boxes[:, :2] < [self.camera.width, self.camera.height])
-        return np.asarray(stands & in_view.all(axis=1) & self._billboards.placed)
+        return np.asarray((self._calm > 0.5) & in_view.all(axis=1) & self._billboards.placed)
+
+    def _keeps_place(self) -> NDArray[np.bool_]:
+        """Tracks (T,) whose box moves now as that of a standing object."""
+        drift = np.hypot(self._filter.mean[:, 4], self._filter.mean[:, 5])
+        return np.asarray(drift < self.settings.max_drift * np.sqrt(self._filter.mean[:, 2]) + 1.0)
 
     def _label(self) -> NDArray[np.uint8]:
         """Label (T,) with the most confident votes."""

@@ -53,7 +53,8 @@ class Findings:
     def metrics(self) -> dict[str, dict[str, float]]:
         """Flat names for reports, by variant, and what was sent."""
         out = {f"{self.name}, {name}": score(self.verdicts(name)).metrics() for name in self.judged}
-        return out | {f"{self.name}, sent": sent_metrics(self.series)}
+        driven, sent = driving_metrics(self.series), sent_metrics(self.series)
+        return out | {f"{self.name}, driven": driven, f"{self.name}, sent": sent}
 
 
 def find(name: str, title: str, planned: int, series: Sequence[DrivenSeries], is_quick: bool, steps: Steps) -> Findings:

@@ -36,9 +36,13 @@ GUARDS = (
     Guard("town, fused", "precision", at_least=0.9),
     Guard("town, fused", "unseen_vacant", at_most=0),
     Guard("town, thesis", "unseen_vacant", at_most=0),
+    Guard("town, fused", "own_car", at_least=0.9),
+    Guard("town, fused", "centre_median_m", at_most=0.3),
     Guard("town, sent", "diff_bytes_median", at_most=6_000),
-    Guard("real-world-like, fused", "accuracy", at_least=0.85),
+    Guard("real-world-like, fused", "accuracy", at_least=0.9),
     Guard("real-world-like, fused", "unseen_vacant", at_most=0),
+    Guard("real-world-like, sent", "diff_bytes_median", at_most=6_000),
+    Guard("real-world-like, driven", "localized_fraction", at_least=0.9),
 )
 
 

@@ -15,12 +15,14 @@ from autowaze.vehicle.slam.tracked_frame import TrackedFrame
 from autowaze.world.camera import StereoCamera
 from autowaze.world.feature_map import MapFeatures
 from autowaze.world.features import CameraFeatures
+from autowaze.world.ground import CELL_M
 from autowaze.world.labels import is_vehicle
 from autowaze.world.pose import transform
 
 _MATCHED = len(Sight)
 _SUPPORT_RANGE_M = 25.0
-_STEREO_SIGMA_PX, _SIGMAS = 0.3, 2.0  # of sub-pixel sparse stereo
+_FOUND_WITHIN_M = 15.0  # farther away the side of a parked vehicle is seen too askew to yield features
+_STEREO_SIGMA_PX = 0.3  # of sub-pixel sparse stereo
 
 
 class StoredFeatureWatch:
@@ -78,6 +80,7 @@ class StoredFeatureWatch:
         if not len(near):
             return
         sight = sight_of(self._stored.position[near], tracked.T_map_cam, ground.depth, ground.camera)
+        sight[_on_free_ground(self._stored.position[near], ground)] = Sight.THROUGH
         near, sight = near[sight != Sight.HIDDEN], sight[sight != Sight.HIDDEN]
         features = features[features.has_depth]
         seen, on_vehicle = transform(tracked.T_map_cam, features.position_cam), is_vehicle(features.label)
@@ -88,12 +91,13 @@ class StoredFeatureWatch:
         self._plain_seen.add(near[told], np.where(held, _MATCHED, sight)[told])
 
     def _can_be_found(self, places: NDArray[np.float64], tracked: TrackedFrame) -> NDArray[np.bool_]:
-        """Which places (N, 3) are so near that stereo would put a feature there into the radius.
+        """Which places (N, 3) are so near that a feature there would be seen, and put into the radius by stereo.
 
         Farther away it says nothing that there is none; only that one sees through does.
         """
         depth = (places - tracked.T_map_cam[:3, 3]) @ tracked.T_map_cam[:3, 2]
-        return np.asarray(_SIGMAS * depth**2 * _STEREO_SIGMA_PX / self._bf <= self._radius_m)
+        farthest_m = min(_FOUND_WITHIN_M, float(np.sqrt(self._radius_m * self._bf / _STEREO_SIGMA_PX)))
+        return np.asarray(depth <= farthest_m)
 
     def _described(self, landmarks: Landmarks) -> LookedFor:
         ids, table = self._described_seen.table(_MATCHED + 1)
@@ -110,3 +114,10 @@ class StoredFeatureWatch:
             table[:, _MATCHED],
             table[:, :_MATCHED],
         )
+
+
+def _on_free_ground(places: NDArray[np.float64], ground: GroundObservation) -> NDArray[np.bool_]:
+    """Which places (N, 3) are over ground that the frame saw free: no vehicle stands there."""
+    cell = np.floor(places[:, :2] / CELL_M).astype(np.int64)
+    free = np.flatnonzero(ground.free)
+    return np.isin(cell[:, 0] << 32 ^ cell[:, 1], ground.ix[free].astype(np.int64) << 32 ^ ground.iy[free])

@@ -33,6 +33,7 @@ class SortSettings:
 
     Attributes:
         min_iou: least overlap of a detection with the foretold box (paper: IoU_min = 0.3).
+        min_iou_waiting: the same for a track that was not seen in the frame before.
         min_iou_elsewhere: the same where the depths contradict each other; the depth may be that of a pole in front.
         min_hits: frames that a track must have been seen in before it is reported.
         max_age: frames without a detection that a track survives (paper: T_Lost = 1).
@@ -44,6 +45,7 @@ class SortSettings:
     """
 
     min_iou: float = 0.2
+    min_iou_waiting: float = 0.35
     min_iou_elsewhere: float = 0.5
     min_hits: int = 1
     max_age: int = 1
@@ -112,7 +114,8 @@ class Sort:
         elsewhere, agree = self._compare_depths(depths)
         rows = np.full(len(detections), -1, np.int64)
         s = self.settings
-        _assign(rows, np.where(same_kind & ~elsewhere & (iou >= s.min_iou), iou, 0.0))
+        enough = iou >= np.where(self._age == 0, s.min_iou, s.min_iou_waiting)[None, :]
+        _assign(rows, np.where(same_kind & ~elsewhere & enough, iou, 0.0))
         _assign(rows, np.where(same_kind & agree & (containment >= s.min_containment), containment, 0.0))
         _assign(rows, np.where(same_kind & elsewhere & (iou >= s.min_iou_elsewhere), iou, 0.0))
         # Of what another thing slides before, now this part is seen and now that.

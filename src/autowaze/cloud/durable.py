@@ -132,18 +132,21 @@ class DurableService:
             self.store.check()
             self._mend()
 
-    def snapshot(self) -> int:
+    def snapshot(self, until: threading.Event | None = None) -> int:
         """Keep the state in the store, so that a new process need not replay the log; returns its position.
 
         Diffs wait only while the process is copied, not while the copy packs and the store writes.
 
+        Args:
+            until: take your time, and give up when this is set.
+
         Raises:
-            SnapshotError: it could not be packed; the one before it stays.
+            SnapshotError: it was not packed; the one before it stays.
         """
         with self._lock:
             self._mend()
             position = self.store.position
-            packing = Packing(self._kept)
+            packing = Packing(self._kept, until)
         with packing as parts:
             self.store.save_snapshot(position, parts)
         return position

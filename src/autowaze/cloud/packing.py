@@ -12,15 +12,19 @@ import logging
 import os
 import signal
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
 from types import TracebackType
+from typing import BinaryIO
 
 from autowaze.cloud.snapshot import Kept, SnapshotError, pack, pack_into
 
 PART_BYTES = 1 << 20
 _PR_SET_PDEATHSIG = 1
-_UNHURRIED = 5
+_UNHURRIED = 19
 """Niceness of the copy: diffs go first."""
+_RESTS = 4.0
 
 _log = logging.getLogger(__name__)
 _libc = ctypes.CDLL(None) if sys.platform == "linux" else None
@@ -34,11 +38,14 @@ class Packing:
 
     Args:
         kept: what parts of a service hold, by name.
+        until: with this the copy rests four times as long as it works, for on a small machine even a copy on another
+            core slows the process down; and gives up when it is set.
     """
 
-    def __init__(self, kept: Callable[[], Kept]) -> None:
+    def __init__(self, kept: Callable[[], Kept], until: threading.Event | None = None) -> None:
         self._process = 0
         self._packed = b""
+        self._until = until
         if _libc is None or not self._copied(kept):
             self._packed = pack(kept())
 
@@ -59,6 +66,8 @@ class Packing:
             return
         with open(self._pipe, "rb", buffering=PART_BYTES, closefd=False) as packed:
             while part := packed.read(PART_BYTES):
+                if self._until is not None and self._until.is_set():
+                    raise SnapshotError("a snapshot was given up")
                 yield part
         status = self._ended()
         if status != 0:
@@ -75,7 +84,7 @@ class Packing:
             os.close(writing)
             return False
         if process == 0:
-            _pack_and_end(own, writing, kept)
+            _pack_and_end(own, writing, kept, 0.0 if self._until is None else _RESTS)
         os.close(writing)
         self._process, self._pipe = process, reading
         return True
@@ -88,7 +97,21 @@ class Packing:
         return status
 
 
-def _pack_and_end(parent: int, writing: int, kept: Callable[[], Kept]) -> None:
+class _Resting:
+    """Passes on what is written, and then sleeps for so many times as it took to make."""
+
+    def __init__(self, stream: BinaryIO, rests: float) -> None:
+        self._stream, self._rests = stream, rests
+        self._worked = time.process_time()
+
+    def write(self, part: bytes) -> None:
+        """Pass on a part."""
+        self._stream.write(part)
+        time.sleep(self._rests * (time.process_time() - self._worked))
+        self._worked = time.process_time()
+
+
+def _pack_and_end(parent: int, writing: int, kept: Callable[[], Kept], rests: float) -> None:
     """The life of the copy: it uses nothing but memory and the pipe, for everything else is still the process's."""
     status = 1
     try:
@@ -102,7 +125,7 @@ def _pack_and_end(parent: int, writing: int, kept: Callable[[], Kept]) -> None:
         os.closerange(writing + 1, os.sysconf("SC_OPEN_MAX"))
         os.nice(_UNHURRIED)
         with open(writing, "wb", buffering=PART_BYTES) as packed:
-            pack_into(packed.write, kept())
+            pack_into(_Resting(packed, rests).write, kept())
         status = 0
     except Exception as error:
         os.write(2, f"a snapshot could not be packed: {error!r}\n".encode())  # no stream: its lock may be held for ever

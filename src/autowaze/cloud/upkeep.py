@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import threading
 import time
@@ -19,6 +20,8 @@ SNAPSHOT_DIFFS = 20_000
 SNAPSHOT_S = 3600.0
 """A service with little to do is kept after this time, if anything changed."""
 PAUSE_S = 30.0
+SWEEP_S = 3600.0
+"""A web server's own search for cycles among objects ends with the young ones; this often all are searched."""
 
 _log = logging.getLogger(__name__)
 
@@ -53,7 +56,7 @@ class Upkeep:
         self._retention = retention or Retention()
         self._clock = clock
         self._kept_position = -1
-        self._kept_at = clock()
+        self._kept_at = self._swept_at = clock()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._go_on, name="upkeep")
 
@@ -67,19 +70,23 @@ class Upkeep:
         self._try(self._snapshot)
 
     def tidy(self) -> None:
-        """Take a snapshot if one is due, and delete what was kept long enough."""
+        """Take a snapshot if one is due, delete what was kept long enough, let the store do what it needs."""
         new = self._durable.store.position - max(self._kept_position, 0)
         if new >= SNAPSHOT_DIFFS or (new > 0 and self._clock() - self._kept_at >= SNAPSHOT_S):
-            self._snapshot()
+            self._snapshot(self._stop)
+        if self._clock() - self._swept_at >= SWEEP_S:
+            gc.collect()
+            self._swept_at = self._clock()
         days = (self._retention.diffs_days, self._retention.history_days)
         diffs, history = (0.0 if d is None else self._clock() - d * DAY_S for d in days)
         pruned = self._durable.store.prune(diffs, history)
+        self._durable.store.tidy()
         if pruned:
             _log.info("%d diffs older than %g days deleted", pruned, self._retention.diffs_days)
 
-    def _snapshot(self) -> None:
+    def _snapshot(self, until: threading.Event | None = None) -> None:
         if self._durable.store.position != self._kept_position:
-            self._kept_position = self._durable.snapshot()
+            self._kept_position = self._durable.snapshot(until)
             self._kept_at = self._clock()
 
     def _go_on(self) -> None:

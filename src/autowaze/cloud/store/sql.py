@@ -205,6 +205,9 @@ class SqlStore:
         self._delete("audit", "number", "at < ?", history_before)
         return pruned
 
+    def tidy(self) -> None:
+        """Nothing: a database server does what it needs by itself."""
+
     def survey(self, parking_map: ParkingMap) -> None:
         """Nothing: a database without geometry has no use for outlines."""
 

@@ -7,7 +7,7 @@ import os
 import sqlite3
 import threading
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,10 @@ from autowaze.cloud.store.sql import SqlStore
 
 _PATIENCE_S = 5.0
 """How long a statement waits for another process that writes."""
+_MOST_PAGES = 1 << 16
+"""Of the write-ahead log: from 256 MB on each commit moves some of it into the database and waits for the disk."""
+_BEGIN_ANEW_PAGES = 1 << 12
+"""A log that writers never leave alone has no end; from 16 MB on they wait while the newest pages are moved."""
 
 
 class SqliteDatabase:
@@ -26,16 +30,26 @@ class SqliteDatabase:
         path: made if there is none.
         durable: whether a commit survives a power cut; it always survives the end of the process.
         writes_alone: take the writer's lock, a file beside the database, before the first transaction, and keep it.
+        turns: is held while something is written. Connections of one process that share it take turns at once; SQLite
+            lets who comes second sleep, for up to 100 ms at a time.
     """
 
-    def __init__(self, path: str | Path, durable: bool = True, writes_alone: bool = False) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        durable: bool = True,
+        writes_alone: bool = False,
+        turns: AbstractContextManager[object] | None = None,
+    ) -> None:
         self.name = str(path)
         self._writes_alone = writes_alone
+        self._turns = turns or threading.RLock()
         self._writing: int | None = None
         self._lock = threading.RLock()
         try:
             self._connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False, timeout=_PATIENCE_S)
             self._connection.execute("PRAGMA journal_mode = WAL")
+            self._connection.execute(f"PRAGMA wal_autocheckpoint = {_MOST_PAGES}")
             # In a WAL, NORMAL may lose the newest commits in a power cut.
             self._connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
         except sqlite3.Error as error:
@@ -44,12 +58,13 @@ class SqliteDatabase:
 
     def execute(self, query: str, parameters: Sequence[Any] = ()) -> list[Row]:
         """The rows that a statement yields."""
-        with self._complaining(), self._lock:
+        turn = nullcontext() if query.startswith(("SELECT", "PRAGMA")) else self._turns
+        with self._complaining(), self._lock, turn:
             return self._connection.execute(query, parameters).fetchall()
 
     def execute_many(self, query: str, rows: Iterable[Sequence[Any]]) -> None:
         """Run a statement once for each row of parameters."""
-        with self._complaining(), self._lock:
+        with self._complaining(), self._lock, self._turns:
             self._connection.executemany(query, rows)
 
     def insert(self, table: str, columns: str, rows: Iterable[Sequence[Any]]) -> None:
@@ -68,7 +83,7 @@ class SqliteDatabase:
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
-        with self._complaining(), self._lock:
+        with self._complaining(), self._lock, self._turns:
             self._connection.execute("BEGIN IMMEDIATE")
             try:
                 yield
@@ -121,5 +136,17 @@ class SqliteStore(SqlStore):
     """A `Store` in one file."""
 
     def __init__(self, path: str | Path) -> None:
-        super().__init__(SqliteDatabase(path, writes_alone=True), SqliteDatabase(path, durable=False))
+        turns = threading.RLock()
+        log = SqliteDatabase(path, writes_alone=True, turns=turns)
+        super().__init__(log, SqliteDatabase(path, durable=False, turns=turns))
         self.path = Path(path)
+
+    def tidy(self) -> None:
+        """Move the write-ahead log into the database."""
+        try:
+            with closing(sqlite3.connect(self.path, isolation_level=None, timeout=_PATIENCE_S)) as connection:
+                _, pages, _ = connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()
+                if pages >= _BEGIN_ANEW_PAGES:
+                    connection.execute("PRAGMA wal_checkpoint(RESTART)")
+        except sqlite3.Error as error:
+            raise StoreError(f"{self.name}: its log cannot be moved into the database: {error}") from error

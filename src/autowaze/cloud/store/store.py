@@ -156,6 +156,9 @@ class Store(Protocol):
         The log is only pruned as far as two snapshots cover it. Returns the number of diffs deleted.
         """
 
+    def tidy(self) -> None:
+        """Do what commits should not wait for; wants to be called every minute or so of a service that is busy."""
+
     def survey(self, parking_map: ParkingMap) -> None:
         """Note where the spots lie, where the database can show it to GIS tools."""
 

@@ -54,17 +54,20 @@ def odometry(
         list[Path] | None,
         typer.Option(help="Another system's poses of the same drive, TUM or KITTI; may be given more than once."),
     ] = None,
-    trajectory: _Trajectory = None,
-    adjusted: Annotated[
+    trajectory: Annotated[
         Path | None,
-        typer.Option(help="Write the poses as known after the drive here, loops closed and places adjusted together."),
+        typer.Option(help="Write the poses as known after the drive here, in TUM format, as evo reads them."),
+    ] = None,
+    told: Annotated[
+        Path | None, typer.Option(help="Write the poses as they were told when each frame came here, likewise.")
     ] = None,
     plot: _Plot = None,
     json_file: JsonFile = None,
 ) -> None:
     """Visual odometry against true poses: RPE per frame, APE after alignment, times.
 
-    Poses are scored as they were told when each frame came; those known after the drive, as "adjusted".
+    Scored is the trajectory as known after the drive, loops closed and places adjusted together, as other systems write
+    theirs; beside it, as "told", the poses as they were given out when each frame came, which diffs are made with.
 
     Examples:
 
@@ -72,27 +75,28 @@ def odometry(
 
         autowaze evaluate odometry kitti/odometry_00 --against orb_slam2.txt --plot both.png --trajectory ours.tum
     """
-    if len(traces) > 1 and (against or trajectory or adjusted or plot):
-        raise AutowazeError(f"--against, --trajectory, --adjusted and --plot are for one drive, not for {len(traces)}")
+    if len(traces) > 1 and (against or trajectory or told or plot):
+        raise AutowazeError(f"--against, --trajectory, --told and --plot are for one drive, not for {len(traces)}")
     others = [read_trajectory(path) for path in against or []]
     results: Results = {}
     for path in traces:
         trace = opened(path, cameras, frames)
         T_true = true_poses(trace, None)
         run = run_odometry(trace, show_progress)
-        estimates = {"autowaze" if others else trace.name: Estimate(run.timestamp, run.T_map_cam, T_true)}
+        estimates = {"autowaze" if others else trace.name: Estimate(run.timestamp, run.T_adjusted, T_true)}
         estimates |= _of_others(others, run.timestamp, T_true)
         own, *foreign = estimates
         results[own] = odometry_metrics(run, T_true)
         results |= {name: trajectory_metrics(estimates[name].T_world_cam, estimates[name].T_truth) for name in foreign}
         if trajectory:
-            write_tum(trajectory, run.timestamp, run.T_map_cam)
-        if adjusted:
-            write_tum(adjusted, run.timestamp, run.T_adjusted)
+            write_tum(trajectory, run.timestamp, run.T_adjusted)
+        if told:
+            write_tum(told, run.timestamp, run.T_map_cam)
         if plot:
             draw_odometry(plot, trace.name, estimates)
     inputs = {"traces": [str(p) for p in traces], "frames": frames, "against": [str(p) for p in against or []]}
     _deliver("odometry", inputs, results, json_file)
+    console.print("rpe, ape: as known after the drive, as ORB-SLAM2 writes its trajectory; told: when each frame came")
 
 
 def localization(

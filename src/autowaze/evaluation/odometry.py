@@ -41,7 +41,7 @@ class OdometryRun:
 
     @property
     def T_map_cam(self) -> NDArray[np.float64]:  # noqa: N802
-        """Poses (N, 4, 4)."""
+        """Poses (N, 4, 4) as told."""
         return np.stack([t.T_map_cam for t in self.tracked])
 
     @property
@@ -57,13 +57,18 @@ def run_odometry(trace: Trace, progress: Progress | None = None) -> OdometryRun:
 
 
 def odometry_metrics(run: OdometryRun, T_true: NDArray[np.float64]) -> dict[str, float]:
-    """Errors against true poses (N, 4, 4), and times; `adjusted` is known after the drive, the rest was told."""
-    adjusted, before_closing = trajectory_metrics(run.T_adjusted, T_true), slice(run.n_open)
+    """Errors against true poses (N, 4, 4), and times.
+
+    Without a prefix: the trajectory as it is known after the drive, which is what SLAM systems write (ORB-SLAM2 places
+    each frame by its keyframe as adjusted to the end) and what evaluations of them compare. `told`: the poses as they
+    were given out when each frame came, which diffs are made with and which nothing takes back.
+    """
+    told, before_closing = trajectory_metrics(run.T_map_cam, T_true), slice(run.n_open)
     return {
-        **trajectory_metrics(run.T_map_cam, T_true),
-        **{f"adjusted_{name}": adjusted[name] for name in ("rpe_mean_cm", "ape_rmse_m", "ape_max_m")},
+        **trajectory_metrics(run.T_adjusted, T_true),
+        **{f"told_{name}": told[name] for name in ("rpe_mean_cm", "ape_rmse_m", "ape_max_m")},
         "loops": float(run.n_loops),
-        "before_closing_ape_rmse_m": absolute_errors(run.T_map_cam[before_closing], T_true[before_closing]).rmse,
+        "told_before_closing_ape_rmse_m": absolute_errors(run.T_map_cam[before_closing], T_true[before_closing]).rmse,
         "trusted_fraction": float(np.mean([t.is_trustworthy for t in run.tracked])),
         "track_ms_median": float(np.median(run.track_ms)),
         "track_ms_p95": float(np.percentile(run.track_ms, 95)),

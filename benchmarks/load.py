@@ -58,7 +58,7 @@ class Car(asyncio.Protocol):
     """One connection that hands in one diff at a time."""
 
     def __init__(self, tally: Tally) -> None:
-        self._tally = tally
+        self.tally = tally
         self._sent = 0.0
         self._answer = b""
         self.waits = False
@@ -69,11 +69,11 @@ class Car(asyncio.Protocol):
         self._transport = transport
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._tally.closed += 1
+        self.tally.closed += 1
 
     def hand_in(self, payload: bytes) -> None:
         self.waits, self._answer = True, b""
-        self._tally.sizes.append(len(payload))
+        self.tally.sizes.append(len(payload))
         self._sent = time.perf_counter()
         self._transport.write(_REQUEST % len(payload) + payload)
 
@@ -84,11 +84,11 @@ class Car(asyncio.Protocol):
             return
         self.waits = False
         status = int(head[9:12])
-        self._tally.statuses[status] = self._tally.statuses.get(status, 0) + 1
+        self.tally.statuses[status] = self.tally.statuses.get(status, 0) + 1
         if status == 202:
             version = json.loads(body)["map_version"]
-            self._tally.sent_at[version] = self._sent
-            self._tally.acknowledged_s[version] = time.perf_counter() - self._sent
+            self.tally.sent_at[version] = self._sent
+            self.tally.acknowledged_s[version] = time.perf_counter() - self._sent
 
 
 async def listen(port: int, tally: Tally) -> None:
@@ -100,11 +100,17 @@ async def listen(port: int, tally: Tally) -> None:
             tally.told_at[int(line[4:])] = time.perf_counter()
 
 
-async def drive(port: int, fleet: Fleet, first: int, rate: float, seconds: float, tally: Tally) -> None:
-    """Every car hands in its diffs at even intervals, from its `first` one on."""
+async def connected(port: int, count: int) -> list[Car]:
+    """So many cars."""
     loop = asyncio.get_running_loop()
-    connecting = (loop.create_connection(lambda: Car(tally), "127.0.0.1", port) for _ in range(fleet.cars))
-    cars = [protocol for _, protocol in await asyncio.gather(*connecting)]
+    connecting = (loop.create_connection(lambda: Car(Tally()), "127.0.0.1", port) for _ in range(count))
+    return [protocol for _, protocol in await asyncio.gather(*connecting)]
+
+
+async def drive(cars: list[Car], fleet: Fleet, first: int, rate: float, seconds: float, tally: Tally) -> None:
+    """Every car hands in its diffs at even intervals, from its `first` one on."""
+    for car in cars:
+        car.tally = tally
     sequences = [first] * fleet.cars
     turns = np.random.default_rng(0).permutation(fleet.cars).tolist()  # neighbours are no nearer in time than others
     began, began_at = time.perf_counter(), time.time()
@@ -118,7 +124,6 @@ async def drive(port: int, fleet: Fleet, first: int, rate: float, seconds: float
             continue
         cars[car].hand_in(fleet.payload(car, sequences[car], began_at + number / rate))
         sequences[car] += 1
-    await asyncio.sleep(2.0)
 
 
 @dataclass
@@ -139,8 +144,10 @@ class Usage:
         return cls(cpu, int(status.partition("VmRSS:")[2].split()[0]) / 1024)
 
 
-async def measure(port: int, pid: int, fleet: Fleet, first: int, rate: float, seconds: float) -> dict[str, object]:
-    """Drive for some seconds, each car from its `first` diff on, and watch."""
+async def measure(cars: list[Car], port: int, pid: int, fleet: Fleet, rate: float, seconds: float) -> dict[str, object]:
+    """Warm up, then drive for some seconds and watch."""
+    for first, end, pace in ((0, fleet.windows, rate / 2), (fleet.windows, WARM_UP_DIFFS, rate)):
+        await drive(cars, fleet, first, pace, (end - first) * fleet.cars / pace, Tally())
     tally = Tally()
     listening = asyncio.create_task(listen(port, tally))
     await asyncio.sleep(0.5)
@@ -153,8 +160,9 @@ async def measure(port: int, pid: int, fleet: Fleet, first: int, rate: float, se
 
     before, own = Usage.of(pid), time.process_time()
     watching = asyncio.create_task(watch())
-    await drive(port, fleet, first, rate, seconds, tally)
+    await drive(cars, fleet, WARM_UP_DIFFS, rate, seconds, tally)
     own = time.process_time() - own
+    await asyncio.sleep(2.0)
     after = Usage.of(pid)
     watching.cancel()
     listening.cancel()
@@ -223,6 +231,13 @@ async def _asked(port: int) -> None:
         raise ConnectionRefusedError(answer)
 
 
+async def driven(pid: int, asked: argparse.Namespace) -> dict[str, object]:
+    """What the asked number of cars saw."""
+    fleet = Fleet(asked.cars, asked.streets)
+    cars = await connected(asked.port, asked.cars)
+    return await measure(cars, asked.port, pid, fleet, asked.rate, 60 * asked.minutes)
+
+
 def run() -> None:
     """Print one JSON object."""
     parser = argparse.ArgumentParser("python -m benchmarks load")
@@ -238,12 +253,7 @@ def run() -> None:
         spots = write_spots(folder / "spots.geojson", asked.streets)
         service = served(folder, asked.port, "--store", asked.store or str(folder / "cloud.db"))
         try:
-            fleet = Fleet(asked.cars, asked.streets)
-            once = fleet.windows
-            for first, end, rate in ((0, once, asked.rate / 2), (once, WARM_UP_DIFFS, asked.rate)):
-                seconds = (end - first) * asked.cars / rate
-                asyncio.run(measure(asked.port, service.pid, fleet, first, rate, seconds))
-            found = asyncio.run(measure(asked.port, service.pid, fleet, WARM_UP_DIFFS, asked.rate, 60 * asked.minutes))
+            found = asyncio.run(driven(service.pid, asked))
         finally:
             service.send_signal(signal.SIGTERM)
             service.wait(60)

@@ -20,7 +20,8 @@ from typing import BinaryIO
 
 from autowaze.cloud.snapshot import Kept, SnapshotError, pack, pack_into
 
-PART_BYTES = 1 << 20
+PART_BYTES = 1 << 17
+"""Diffs wait while one is written."""
 _PR_SET_PDEATHSIG = 1
 _UNHURRIED = 19
 """Niceness of the copy: diffs go first."""

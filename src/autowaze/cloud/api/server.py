@@ -20,10 +20,10 @@ MOST_CONNECTIONS = 4096
 SWITCH_S = 0.0005
 """How long the thread that takes diffs in may keep the interpreter while requests wait; with Python's 5 ms half of the
 time of a diff is spent waiting for it."""
-MOST_YOUNG, FEW, NEVER = 2_000, 2, 1 << 30
+MOST_YOUNG, NEVER = 500, 1 << 30
 """When Python looks for cycles among objects: among the young ones once there are so many more, which takes 10 ms as
-most take the place of others that are gone; among those that it kept, too, every third time; among all of them, never.
-That takes a third of a second in a city's service: upkeep does it once an hour."""
+most take the place of others that are gone; never among older ones. All that a city's service holds takes a third of a
+second: upkeep looks through it once an hour."""
 IDLE_S = 60
 """How long a connection may wait for its next request: a car hands in a diff every few seconds while it drives."""
 GRACE_S = 5
@@ -79,7 +79,7 @@ class WebServer(uvicorn.Server):
         before, thresholds = sys.getswitchinterval(), gc.get_threshold()
         sys.setswitchinterval(SWITCH_S)
         gc.freeze()
-        gc.set_threshold(MOST_YOUNG, FEW, NEVER)
+        gc.set_threshold(MOST_YOUNG, NEVER, NEVER)
         try:
             super().run(sockets)
         finally:

@@ -160,22 +160,20 @@ class DurableService:
 
     def _take_in(self, payloads: Sequence[bytes], senders: Sequence[str | None]) -> list[Update | WireError]:
         settlement = Settlement(self.service)
-        updates: list[Update] = []
         refused: dict[int, WireError] = {}
         accepted: list[Accepted] = []
         for number, (payload, sender) in enumerate(zip(payloads, senders, strict=True)):
             try:
                 diff, source = self._admitted(payload, sender, accepted)
-                taken, settled = settlement.take(diff, len(payload), source)
+                taken = settlement.take(diff, len(payload), source)
             except WireError as error:
                 refused[number] = error
                 continue
-            updates += settled
             if taken.change is not None:
                 accepted.append(Accepted(diff.session, diff.sequence, self._clock(), bytes(payload)))
                 if self._admission is not None:
                     self._admission.note(diff, accepted[-1].received_at, sender)
-        updates += settlement.settle()
+        updates = settlement.settle()
         new = [update for update in updates if update.accepted]
         if accepted:
             self.store.commit(accepted, {state.spot_id: state for update in new for state in update.spots}.values())

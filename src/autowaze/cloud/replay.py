@@ -41,9 +41,8 @@ class Replay:
 
     def take(self, diff: SemanticMapDiff, size: int, source: int | None, received_at: float) -> None:
         """The next diff of the log; raises `WireError` as `CloudService.integrate`."""
-        _, updates = self._settlement.take(diff, size, source)
+        self._settlement.take(diff, size, source)
         self._received_at.append(received_at)
-        self._show(updates)
         self._position += 1
         if len(self._received_at) >= _MOST_AT_ONCE or (self._edits and self._edits[0].position <= self._position):
             self.settle()
@@ -51,15 +50,12 @@ class Replay:
 
     def settle(self) -> None:
         """Settle what was taken."""
-        self._show(self._settlement.settle())
+        for update in self._settlement.settle():
+            received_at = self._received_at.popleft()
+            if self._observe is not None:
+                self._observe(update, received_at)
 
     def _make_edits(self) -> None:
         """Make the edits that were made before the next diff."""
         while self._edits and self._edits[0].position <= self._position:
             self._service.edit(self._edits.popleft())
-
-    def _show(self, updates: list[Update]) -> None:
-        for update in updates:
-            received_at = self._received_at.popleft()
-            if self._observe is not None:
-                self._observe(update, received_at)

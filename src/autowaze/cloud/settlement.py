@@ -32,25 +32,32 @@ class Settlement:
         self._service = service
         self._taken: list[TakenDiff] = []
         self._reaches: list[NDArray[np.float64]] = []
+        self._updates: list[Update] = []
 
-    def take(self, diff: SemanticMapDiff, size: int = 0, source: int | None = None) -> tuple[TakenDiff, list[Update]]:
-        """Take a diff; returns it and the updates of those before it, if they had to be settled first.
+    def take(self, diff: SemanticMapDiff, size: int = 0, source: int | None = None) -> TakenDiff:
+        """Take a diff; those before it may have to be settled first.
 
         Raises:
             WireError: as `CloudService.integrate`; nothing has changed.
         """
         reach = self._reach(diff)
-        settled = self.settle() if self._meets(reach) else []
+        if self._meets(reach):
+            self._settle()
         taken = self._service.take(diff, size, source)
         self._taken.append(taken)
         self._reaches.append(reach)
-        return taken, settled
+        return taken
 
     def settle(self) -> list[Update]:
         """The updates of the diffs taken since the last time, in order."""
-        updates = self._service.settle(self._taken) if self._taken else []
-        self._taken, self._reaches = [], []
+        self._settle()
+        updates, self._updates = self._updates, []
         return updates
+
+    def _settle(self) -> None:
+        if self._taken:
+            self._updates += self._service.settle(self._taken)
+            self._taken, self._reaches = [], []
 
     def _meets(self, reach: NDArray[np.float64]) -> bool:
         if not self._service.method.instance_ids:

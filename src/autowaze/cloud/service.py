@@ -10,31 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.cloud.belief import aged, believe
-from autowaze.cloud.boxes import ROW_REACH_M, boxes_of_average_size
 from autowaze.cloud.broadcast import ChangeLog, Update
-from autowaze.cloud.clustering import cluster_by_density
 from autowaze.cloud.evidence import evidence_of
 from autowaze.cloud.ground_votes import GroundVotes
-from autowaze.cloud.grouping import VehicleGroups, group_by_instance, split_in_space
 from autowaze.cloud.integration import MapState
 from autowaze.cloud.map_tiles import SpotTiles
 from autowaze.cloud.merging import merge_boxes
 from autowaze.cloud.methods import FUSED, Method, method_named
 from autowaze.cloud.occupancy import rectangles_within
-from autowaze.cloud.outliers import remove_outliers
-from autowaze.cloud.parked_vehicles import ParkedVehicles
-from autowaze.cloud.row_split import split_along_rows
-from autowaze.cloud.scene import VehicleScene
 from autowaze.cloud.snapshot import SnapshotError
 from autowaze.cloud.spot_edits import SpotEdit
 from autowaze.cloud.spots import SpotIndex
+from autowaze.cloud.standing_vehicles import StandingVehicles
 from autowaze.cloud.taken_diffs import NO_SPOTS, TakenDiff, Tidings
 from autowaze.cloud.two_pass import decide_two_pass
 from autowaze.cloud.validation import check_diff
-from autowaze.cloud.visible_side import boxes_from_visible_side
 from autowaze.cloud.witnesses import Witnesses
 from autowaze.world.feature_map import FeatureMap
-from autowaze.world.labels import is_vehicle
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.map_update import MapUpdate
 from autowaze.world.parking import Occupancy, ParkingMap, SpotState
@@ -62,13 +54,12 @@ class CloudService:
         self.witnesses = Witnesses(base_map)
         self.map = MapState(base_map, spots.georeference, self.witnesses if self.method.corroboration else None)
         self.ground = GroundVotes(self.spots, CROWDING_S if self.method.corroboration else 0.0)
-        self.scene = VehicleScene()
-        self.parked = ParkedVehicles(self.spots)
+        self.vehicles = StandingVehicles(self.method, self.map, self.spots)
         self.changes = ChangeLog(self.map.version)
         self.spot_tiles = SpotTiles(self.spots.centre, spots.georeference, self.map.version)
         self.times = StageTimes()
         self._states = [SpotState(spot_id, Occupancy.UNKNOWN) for spot_id in self.spots.ids]
-        self._stand_as_mapped(base_map)
+        self.vehicles.stand_as_mapped(base_map)
 
     def receive(self, payload: bytes) -> Update:
         """Take in the bytes of one diff.
@@ -118,12 +109,11 @@ class CloudService:
         if count == 0:
             return [self._nothing_new(one) for one in taken]
         with self.times.stage("grouping", count):
-            groups = self._group(tidings.instances)
+            groups = self.vehicles.group(tidings.instances)
         with self.times.stage("outliers", count):
-            groups = remove_outliers(groups) if self.method.outlier_removal else groups
+            groups = self.vehicles.without_outliers(groups)
         with self.times.stage("boxes", count):
-            boxes = self._draw_boxes(groups)
-            moved = self._place(tidings.instances, boxes)
+            moved = self.vehicles.place(tidings.instances, self.vehicles.draw(groups))
         with self.times.stage("occupancy", count):
             spots, bearer = tidings.bearers(*moved)
             has_changed = self._adopt(spots, self._decide(spots))
@@ -151,7 +141,7 @@ class CloudService:
         row = self.spots.draw(spot)
         self.ground.drawn(row, windows)
         self.spot_tiles.draw(row, self.spots.centre[row], self.map.version)
-        self._turn_vehicles(row)
+        self.vehicles.turn(row)
         self._states[row : row + 1] = self._decide(np.array([row]))
         return self._states[row]
 
@@ -166,7 +156,7 @@ class CloudService:
             "map": self.map.kept(),
             "witnesses": self.witnesses.kept(),
             "ground": self.ground.kept(),
-            "boxes": self.scene.boxes,
+            "boxes": self.vehicles.scene.boxes,
             "changes": self.changes.kept(),
             "spot_tiles": [(*tile, version) for tile, version in self.spot_tiles.versions.items()],
         }
@@ -197,7 +187,7 @@ class CloudService:
         self.witnesses.restore(kept["witnesses"])
         self.ground.restore(kept["ground"], row_now)
         boxes = VehicleBoxes(**kept["boxes"])
-        self._stand(np.union1d(self.scene.boxes.group, boxes.group), boxes)
+        self.vehicles.stand(np.union1d(self.vehicles.scene.boxes.group, boxes.group), boxes)
         self.changes.restore(kept["changes"])
         for before, row in row_now.items():
             self._states[row] = SpotState.of_plain(kept["states"][before])
@@ -216,7 +206,7 @@ class CloudService:
     @property
     def vehicle_boxes(self) -> VehicleBoxes:
         """Every vehicle on the map, sorted by group."""
-        return merge_boxes(self.scene.boxes) if self.method.belief else self.scene.boxes
+        return merge_boxes(self.vehicles.scene.boxes) if self.method.belief else self.vehicles.scene.boxes
 
     @property
     def feature_map(self) -> FeatureMap:
@@ -231,59 +221,10 @@ class CloudService:
         """What a car with this version of the map lacks; raises `OutdatedMapError` if it must fetch it whole."""
         return self.changes.since(version)
 
-    def _group(self, instances: NDArray[np.uint64]) -> VehicleGroups:
-        if not self.method.instance_ids:
-            return cluster_by_density(self.map.features, self.spots, self.method.labels)
-        return group_by_instance(self.map, instances)
-
-    def _draw_boxes(self, groups: VehicleGroups) -> VehicleBoxes:
-        if self.method.visible_side:
-            groups = split_along_rows(split_in_space(groups), self.spots)
-            return boxes_from_visible_side(groups, self.spots)
-        return boxes_of_average_size(groups, self.spots)
-
-    def _place(
-        self, instances: NDArray[np.uint64], boxes: VehicleBoxes
-    ) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
-        """Put the new boxes in place of the old ones; returns the groups (M,) of either and the spots (M,) touched."""
-        old = instances if self.method.instance_ids else self.scene.boxes.group
-        before = self.scene.of(old)
-        self._stand(old, boxes)
-        moved = VehicleBoxes.concatenate([before, boxes])
-        row, spot, _ = self.spots.grid.overlaps(moved.corners)
-        return moved.group[row], spot
-
-    def _stand_as_mapped(self, base_map: FeatureMap | None) -> None:
-        """Put boxes where the base map has vehicles.
-
-        A car that finds one of them where it was has nothing new to tell of it, nor of another in its place.
-        """
-        if base_map is None or not self.method.instance_ids:
-            return
-        features = base_map.features
-        keys = np.unique(features.instance_key[is_vehicle(features.label)])
-        groups = self._group(keys[keys > 0])
-        groups = remove_outliers(groups) if self.method.outlier_removal else groups
-        boxes = self._draw_boxes(groups)
-        self._stand(np.unique(boxes.group), boxes)
-
-    def _stand(self, groups: NDArray[np.uint64], boxes: VehicleBoxes) -> None:
-        self.scene.replace(groups, boxes)
-        if self.method.belief:
-            self.parked.replace(groups, boxes)
-
-    def _turn_vehicles(self, spot: int) -> None:
-        """Draw the boxes around a new spot anew: vehicles stand as the spots next to them do."""
-        around = self.spots.bounds[spot] + np.array([-ROW_REACH_M, -ROW_REACH_M, ROW_REACH_M, ROW_REACH_M])
-        instances = np.unique(self.scene.near(around[None]).group)
-        groups = self._group(instances)
-        groups = remove_outliers(groups) if self.method.outlier_removal else groups
-        self._place(instances, self._draw_boxes(groups))
-
     def _decide(self, spots: NDArray[np.int64]) -> list[SpotState]:
         if not self.method.belief:
-            return decide_two_pass(spots, self.spots, self.scene, self.ground, self.method.second_pass)
-        evidence = evidence_of(spots, self.spots, self.parked, self.ground, self.witnesses, self.method.ground)
+            return decide_two_pass(spots, self.spots, self.vehicles.scene, self.ground, self.method.second_pass)
+        evidence = evidence_of(spots, self.spots, self.vehicles.parked, self.ground, self.witnesses, self.method.ground)
         memory, corroboration = self.method.memory, self.method.corroboration
         pairs = zip(spots.tolist(), evidence, strict=True)
         return [believe(self.spots.ids[spot], items, memory, corroboration) for spot, items in pairs]

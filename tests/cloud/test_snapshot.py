@@ -1,6 +1,7 @@
 """A service that was read from a snapshot is the one that was kept, in everything that it says from then on."""
 
 import fcntl
+import threading
 import time
 from dataclasses import replace
 
@@ -9,7 +10,7 @@ import pytest
 import zstandard
 from street import Street
 
-from autowaze.cloud.packing import Packing
+from autowaze.cloud.packing import GivenUpError, Packing
 from autowaze.cloud.passes import PassJournal
 from autowaze.cloud.service import CloudService
 from autowaze.cloud.snapshot import SnapshotError, pack, unpack
@@ -104,6 +105,15 @@ def test_a_copy_that_fails_keeps_no_snapshot(capfd):
     with Packing(lambda: {"unknown": object()}) as parts, pytest.raises(SnapshotError, match="ended with status 1"):
         list(parts)
     assert "object cannot be kept in a snapshot" in capfd.readouterr().err
+
+
+def test_a_copy_takes_its_time_until_it_is_given_up():
+    until = threading.Event()
+    kept = {"rows": [[np.random.default_rng(row).bytes(1000)] for row in range(4000)]}
+    with Packing(lambda: kept, until) as parts, pytest.raises(GivenUpError):
+        next(parts)
+        until.set()
+        list(parts)
 
 
 def test_without_copies_the_process_packs_itself(monkeypatch):

@@ -14,6 +14,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import BinaryIO
@@ -29,6 +30,10 @@ _RESTS = 4.0
 
 _log = logging.getLogger(__name__)
 _libc = ctypes.CDLL(None) if sys.platform == "linux" else None
+
+
+class GivenUpError(SnapshotError):
+    """Nobody wants the snapshot any more."""
 
 
 class Packing:
@@ -68,7 +73,7 @@ class Packing:
         with open(self._pipe, "rb", buffering=PART_BYTES, closefd=False) as packed:
             while part := packed.read(PART_BYTES):
                 if self._until is not None and self._until.is_set():
-                    raise SnapshotError("a snapshot was given up")
+                    raise GivenUpError("a snapshot was given up")
                 yield part
         status = self._ended()
         if status != 0:
@@ -78,7 +83,9 @@ class Packing:
         own = os.getpid()
         reading, writing = os.pipe()
         try:
-            process = os.fork()
+            with warnings.catch_warnings():  # Python 3.12 warns of other threads' locks: the copy takes none
+                warnings.simplefilter("ignore", DeprecationWarning)
+                process = os.fork()
         except OSError as error:  # too little memory, should all of it change
             _log.warning("the process cannot be copied to pack a snapshot, diffs wait for it: %s", error)
             os.close(reading)

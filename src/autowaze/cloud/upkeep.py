@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from autowaze.cloud.durable import DurableService
+from autowaze.cloud.packing import GivenUpError
 from autowaze.world.errors import AutowazeError
 
 DAY_S = 86_400.0
@@ -96,5 +97,7 @@ class Upkeep:
     def _try(self, action: Callable[[], None]) -> None:
         try:
             action()
+        except GivenUpError as error:
+            _log.info("%s, for the service stops", error)
         except AutowazeError as error:
             _log.error("the store could not be looked after: %s", error)

@@ -21,8 +21,8 @@ from autowaze.world.pose import transform
 
 _MATCHED = len(Sight)
 _SUPPORT_RANGE_M = 25.0
-_FOUND_WITHIN_M = 15.0  # farther away the side of a parked vehicle is seen too askew to yield features
-_STEREO_SIGMA_PX = 0.3  # of sub-pixel sparse stereo
+
+_STEREO_SIGMA_PX = 0.2  # of sub-pixel sparse stereo
 
 
 class StoredFeatureWatch:
@@ -96,7 +96,7 @@ class StoredFeatureWatch:
         Farther away it says nothing that there is none; only that one sees through does.
         """
         depth = (places - tracked.T_map_cam[:3, 3]) @ tracked.T_map_cam[:3, 2]
-        farthest_m = min(_FOUND_WITHIN_M, float(np.sqrt(self._radius_m * self._bf / _STEREO_SIGMA_PX)))
+        farthest_m = float(np.sqrt(self._radius_m * self._bf / _STEREO_SIGMA_PX))
         return np.asarray(depth <= farthest_m)
 
     def _described(self, landmarks: Landmarks) -> LookedFor:

@@ -100,17 +100,18 @@ async def listen(port: int, tally: Tally) -> None:
             tally.told_at[int(line[4:])] = time.perf_counter()
 
 
-async def connected(port: int, count: int) -> list[Car]:
-    """So many cars."""
-    loop = asyncio.get_running_loop()
-    connecting = (loop.create_connection(lambda: Car(Tally()), "127.0.0.1", port) for _ in range(count))
-    return [protocol for _, protocol in await asyncio.gather(*connecting)]
+async def connected(port: int) -> Car:
+    """A car; the service lets go of one that does not say anything for ten seconds."""
+    _, car = await asyncio.get_running_loop().create_connection(lambda: Car(Tally()), "127.0.0.1", port)
+    return car
 
 
-async def drive(cars: list[Car], fleet: Fleet, first: int, rate: float, seconds: float, tally: Tally) -> None:
-    """Every car hands in its diffs at even intervals, from its `first` one on."""
-    for car in cars:
-        car.tally = tally
+async def drive(
+    cars: dict[int, Car], port: int, fleet: Fleet, first: int, rate: float, seconds: float, tally: Tally
+) -> None:
+    """Every car hands in its diffs at even intervals, from its `first` one on; it connects when it has one."""
+    for known in cars.values():
+        known.tally = tally
     sequences = [first] * fleet.cars
     turns = np.random.default_rng(0).permutation(fleet.cars).tolist()  # neighbours are no nearer in time than others
     began, began_at = time.perf_counter(), time.time()
@@ -119,6 +120,9 @@ async def drive(cars: list[Car], fleet: Fleet, first: int, rate: float, seconds:
         if pause > 0:
             await asyncio.sleep(pause)
         car = turns[number % fleet.cars]
+        if car not in cars:
+            cars[car] = await connected(port)
+            cars[car].tally = tally
         if cars[car].waits:
             tally.late += 1
             continue
@@ -144,10 +148,11 @@ class Usage:
         return cls(cpu, int(status.partition("VmRSS:")[2].split()[0]) / 1024)
 
 
-async def measure(cars: list[Car], port: int, pid: int, fleet: Fleet, rate: float, seconds: float) -> dict[str, object]:
+async def measure(port: int, pid: int, fleet: Fleet, rate: float, seconds: float) -> dict[str, object]:
     """Warm up, then drive for some seconds and watch."""
+    cars: dict[int, Car] = {}
     for first, end, pace in ((0, fleet.windows, rate / 2), (fleet.windows, WARM_UP_DIFFS, rate)):
-        await drive(cars, fleet, first, pace, (end - first) * fleet.cars / pace, Tally())
+        await drive(cars, port, fleet, first, pace, (end - first) * fleet.cars / pace, Tally())
     tally = Tally()
     listening = asyncio.create_task(listen(port, tally))
     await asyncio.sleep(0.5)
@@ -160,7 +165,7 @@ async def measure(cars: list[Car], port: int, pid: int, fleet: Fleet, rate: floa
 
     before, own = Usage.of(pid), time.process_time()
     watching = asyncio.create_task(watch())
-    await drive(cars, fleet, WARM_UP_DIFFS, rate, seconds, tally)
+    await drive(cars, port, fleet, WARM_UP_DIFFS, rate, seconds, tally)
     own = time.process_time() - own
     await asyncio.sleep(2.0)
     after = Usage.of(pid)
@@ -231,13 +236,6 @@ async def _asked(port: int) -> None:
         raise ConnectionRefusedError(answer)
 
 
-async def driven(pid: int, asked: argparse.Namespace) -> dict[str, object]:
-    """What the asked number of cars saw."""
-    fleet = Fleet(asked.cars, asked.streets)
-    cars = await connected(asked.port, asked.cars)
-    return await measure(cars, asked.port, pid, fleet, asked.rate, 60 * asked.minutes)
-
-
 def run() -> None:
     """Print one JSON object."""
     parser = argparse.ArgumentParser("python -m benchmarks load")
@@ -253,7 +251,8 @@ def run() -> None:
         spots = write_spots(folder / "spots.geojson", asked.streets)
         service = served(folder, asked.port, "--store", asked.store or str(folder / "cloud.db"))
         try:
-            found = asyncio.run(driven(service.pid, asked))
+            fleet = Fleet(asked.cars, asked.streets)
+            found = asyncio.run(measure(asked.port, service.pid, fleet, asked.rate, 60 * asked.minutes))
         finally:
             service.send_signal(signal.SIGTERM)
             service.wait(60)

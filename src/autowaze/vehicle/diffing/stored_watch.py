@@ -21,7 +21,6 @@ from autowaze.world.pose import transform
 
 _MATCHED = len(Sight)
 _SUPPORT_RANGE_M = 25.0
-
 _STEREO_SIGMA_PX = 0.2  # of sub-pixel sparse stereo
 
 

@@ -10,17 +10,23 @@ from street import Street
 from autowaze.cloud.methods import METHODS
 from autowaze.cloud.service import CloudService
 
+STREET = Street(count=8)
+
+
+def two_passes():
+    """Diffs of two cars, some told again; other spots are taken when the second one passes."""
+    diffs = STREET.drive(STREET.park([0, 1, 3, 6]), session=1) + STREET.drive(
+        STREET.park([1, 2, 3]), session=2, start=5000.0, drift=(0.2, -0.1)
+    )
+    return [diffs[i % len(diffs)] for i in range(6)]
+
 
 @pytest.mark.parametrize("method", METHODS)
 @given(order=st.permutations(range(6)), repeated=st.integers(0, 5))
 @settings(max_examples=8, deadline=None)
 def test_the_order_of_arrival_does_not_matter(method, order, repeated):
-    street = Street(count=8)
-    diffs = street.drive(street.park([0, 1, 3, 6]), session=1) + street.drive(
-        street.park([1, 2, 3]), session=2, start=5000.0, drift=(0.2, -0.1)
-    )
-    diffs = [diffs[i % len(diffs)] for i in range(6)]
-    straight, shuffled = (CloudService(street.parking_map, method=method) for _ in range(2))
+    diffs = two_passes()
+    straight, shuffled = (CloudService(STREET.parking_map, method=method) for _ in range(2))
     for diff in diffs:
         straight.integrate(diff)
     for i in [*order, repeated]:
@@ -34,12 +40,8 @@ def test_the_order_of_arrival_does_not_matter(method, order, repeated):
 @given(cuts=st.sets(st.integers(1, 5)))
 @settings(max_examples=6, deadline=None)
 def test_diffs_taken_together_lead_to_the_state_of_one_after_the_other(method, cuts):
-    street = Street(count=8)
-    diffs = street.drive(street.park([0, 1, 3, 6]), session=1) + street.drive(
-        street.park([1, 2, 3]), session=2, start=5000.0, drift=(0.2, -0.1)
-    )
-    diffs = [diffs[i % len(diffs)] for i in range(6)]
-    straight, together = (CloudService(street.parking_map, method=method) for _ in range(2))
+    diffs = two_passes()
+    straight, together = (CloudService(STREET.parking_map, method=method) for _ in range(2))
     for diff in diffs:
         straight.integrate(diff)
     told = {}

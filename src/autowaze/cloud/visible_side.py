@@ -88,7 +88,7 @@ def _fitted(
 ) -> NDArray[np.float64]:
     """Centre x, y, length, width, heading (G, 5) of the boxes around groups of points (P, 2)."""
     table = np.empty((len(starts), 5))
-    axes, middle, size = np.empty((2, 2)), np.empty(2), np.empty(2)
+    axes, middle, size, facing = np.empty((2, 2)), np.empty(2), np.empty(2), np.empty(2)
     for g in range(len(starts)):
         own = points[starts[g] : starts[g] + sizes[g]]
         heading = row_heading[g]
@@ -106,19 +106,18 @@ def _fitted(
             ascending = along if axis == 0 else across
             low, high = _quantile(ascending, FACE_QUANTILES[0]), _quantile(ascending, FACE_QUANTILES[1])
             towards = axes[axis, 0] * view_direction[g, 0] + axes[axis, 1] * view_direction[g, 1]
-            towards = min(max(towards / CERTAIN_VIEW, -1.0), 1.0)
+            towards = facing[axis] = min(max(towards / CERTAIN_VIEW, -1.0), 1.0)
             near = low if towards > 0 else high
             near = near * abs(towards) + (low + high) / 2 * (1.0 - abs(towards))
             middle[axis] = near + towards * size[axis] / 2
         share = (long / usual[g, 0] - SEEN_LENGTH_SHARE[0]) / (SEEN_LENGTH_SHARE[1] - SEEN_LENGTH_SHARE[0])
         share = min(max(share, 0.0), 1.0)
         low, high = _quantile(along, END_QUANTILES[0]), _quantile(along, END_QUANTILES[1])
-        towards = axes[0, 0] * view_direction[g, 0] + axes[0, 1] * view_direction[g, 1]
-        towards = min(max(towards / CERTAIN_VIEW, -1.0), 1.0)
         told = share * LENGTH_SIGMA_M**2 / (LENGTH_SIGMA_M**2 + UNSEEN_END_SIGMA_M**2)
         longer = told * (min(long + UNSEEN_END_M, LONGEST_M) - size[0])
-        middle[0] += abs(towards) * towards * longer / 2 + (1.0 - abs(towards)) * share * ((low + high) / 2 - middle[0])
-        size[0] += abs(towards) * longer
+        sure = abs(facing[0])
+        middle[0] += sure * facing[0] * longer / 2 + (1.0 - sure) * share * ((low + high) / 2 - middle[0])
+        size[0] += sure * longer
         if not np.isnan(spot_centre[g, 0]):
             _pull(middle, axes @ spot_centre[g], sizes[g])
         table[g, :2] = middle[0] * axes[0] + middle[1] * axes[1]

@@ -22,7 +22,7 @@ from autowaze.world.pose import transform
 _MATCHED = len(Sight)
 _SUPPORT_RANGE_M = 25.0
 _STEREO_SIGMA_PX = 0.2  # of sub-pixel sparse stereo
-_AROUND = ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))  # cells: the feet of a vehicle may lie in the next one
+_AROUND = np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])  # cells: the feet of a vehicle may lie in the next one
 
 
 class StoredFeatureWatch:
@@ -118,10 +118,7 @@ class StoredFeatureWatch:
 
 def _on_free_ground(places: NDArray[np.float64], ground: GroundObservation) -> NDArray[np.bool_]:
     """Which places (N, 3) are over ground that the frame saw free, all around them: no vehicle stands there."""
-    cell = np.floor(places[:, :2] / CELL_M).astype(np.int64)
+    cells = np.floor(places[:, :2] / CELL_M).astype(np.int64) + _AROUND[:, None]
     free = np.flatnonzero(ground.free)
     code = ground.ix[free].astype(np.int64) << 32 ^ ground.iy[free]
-    on_free = np.ones(len(places), np.bool_)
-    for x, y in _AROUND:
-        on_free &= np.isin(cell[:, 0] + x << 32 ^ cell[:, 1] + y, code)
-    return on_free
+    return np.asarray(np.isin(cells[..., 0] << 32 ^ cells[..., 1], code).all(axis=0))

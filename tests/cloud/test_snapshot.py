@@ -1,8 +1,6 @@
 """A service that was read from a snapshot is the one that was kept, in everything that it says from then on."""
 
-import fcntl
 import threading
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -10,10 +8,9 @@ import pytest
 import zstandard
 from street import Street
 
-from autowaze.cloud.packing import GivenUpError, Packing
 from autowaze.cloud.passes import PassJournal
 from autowaze.cloud.service import CloudService
-from autowaze.cloud.snapshot import SnapshotError, pack, unpack
+from autowaze.cloud.snapshot import GivenUpError, SnapshotError, pack, packed_parts, unpack
 
 STREET = Street(count=10)
 
@@ -90,52 +87,26 @@ def test_whatever_bytes_are_no_snapshot():
             unpack(bad)
 
 
-def test_a_copy_of_the_process_packs_what_was_there():
-    kept = {"rows": [[np.arange(4)] for _ in range(50_000)], "text": "as it was"}
+def test_a_snapshot_is_of_the_time_it_was_asked_for():
+    diffs = drives()
+    service, journal = opened()
+    followed(service, journal, diffs[:7])
+    kept = {"service": service.kept(), "journal": journal.kept()}
     expected = pack(kept)
-    packing = Packing(lambda: kept)
-    kept["text"] = "another"
-    with packing as parts:
-        assert b"".join(parts) == expected
-    with Packing(lambda: kept) as parts:  # of no use any more
-        next(parts)
+    parts = packed_parts(kept)
+    followed(service, journal, diffs[7:])
+    assert b"".join(parts) == expected
 
 
-def test_a_copy_that_fails_keeps_no_snapshot(capfd):
-    with Packing(lambda: {"unknown": object()}) as parts, pytest.raises(SnapshotError, match="ended with status 1"):
-        list(parts)
-    assert "object cannot be kept in a snapshot" in capfd.readouterr().err
-
-
-def test_a_copy_takes_its_time_until_it_is_given_up():
+def test_packing_takes_its_time_until_it_is_given_up():
     until = threading.Event()
-    kept = {"rows": [[np.random.default_rng(row).bytes(1000)] for row in range(4000)]}
-    with Packing(lambda: kept, until) as parts, pytest.raises(GivenUpError):
-        next(parts)
-        until.set()
+    parts = packed_parts({"rows": [np.random.default_rng(row).bytes(1000) for row in range(1000)]}, until)
+    next(parts)
+    until.set()
+    with pytest.raises(GivenUpError):
         list(parts)
 
 
-def test_without_copies_the_process_packs_itself(monkeypatch):
-    def fork():
-        raise OSError("too little memory")
-
-    monkeypatch.setattr("os.fork", fork)
-    with Packing(lambda: {"one": 1}) as parts:
-        assert unpack(b"".join(parts))["one"] == 1
-
-
-def test_a_copy_lets_go_of_what_is_the_process_s(tmp_path):
-    lock = (tmp_path / "lock").open("w")
-    fcntl.flock(lock, fcntl.LOCK_EX)
-    with Packing(lambda: time.sleep(30)):
-        deadline = time.monotonic() + 10
-        lock.close()  # the lock is free once nobody has it open
-        with (tmp_path / "lock").open("w") as other:
-            while True:
-                try:
-                    fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    break
-                except OSError:
-                    assert time.monotonic() < deadline
-                    time.sleep(0.01)
+def test_what_cannot_be_kept_is_no_snapshot():
+    with pytest.raises(SnapshotError, match="object cannot be kept in a snapshot"):
+        pack({"unknown": object()})

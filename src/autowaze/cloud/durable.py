@@ -12,11 +12,10 @@ from typing import Any, Protocol
 
 from autowaze.cloud.admission import Admission
 from autowaze.cloud.broadcast import Update
-from autowaze.cloud.packing import Packing
 from autowaze.cloud.replay import Replay
 from autowaze.cloud.service import CloudService
 from autowaze.cloud.settlement import Settlement
-from autowaze.cloud.snapshot import SnapshotError, unpack
+from autowaze.cloud.snapshot import SnapshotError, packed_parts, unpack
 from autowaze.cloud.spot_edits import SpotEdit, check_edit
 from autowaze.cloud.store import Accepted, Store, StoreError
 from autowaze.cloud.validation import RefusedDiffError
@@ -135,20 +134,19 @@ class DurableService:
     def snapshot(self, until: threading.Event | None = None) -> int:
         """Keep the state in the store, so that a new process need not replay the log; returns its position.
 
-        Diffs wait only while the process is copied, not while the copy packs and the store writes.
+        Diffs wait only while tables are copied, not while they are packed and written.
 
         Args:
             until: take your time, and give up when this is set.
 
         Raises:
-            SnapshotError: it was not packed; the one before it stays.
+            GivenUpError: `until` was set; the snapshot before it stays.
         """
         with self._lock:
             self._mend()
             position = self.store.position
-            packing = Packing(self._kept, until)
-        with packing as parts:
-            self.store.save_snapshot(position, parts)
+            kept = self._kept()
+        self.store.save_snapshot(position, packed_parts(kept, until))
         return position
 
     def _kept(self) -> dict[str, Any]:

@@ -109,7 +109,7 @@ class GroundVotes:
 
     def kept(self) -> dict[str, Any]:
         """What it holds, for a snapshot: lists of windows by row of the spot."""
-        return {"windows": {spot: [tuple(window) for window in windows] for spot, windows in self._windows.items()}}
+        return {"windows": dict(self._windows)}
 
     def restore(self, kept: dict[str, Any], row_now: dict[int, int]) -> None:
         """Hold what a snapshot kept, of those rows that a spot still has or has now."""

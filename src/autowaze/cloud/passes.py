@@ -39,6 +39,17 @@ class Sighting:
     observed_at: float
     received_at: float
 
+    @property
+    def plain(self) -> tuple[Any, ...]:
+        """What a snapshot keeps."""
+        return (self.state.plain, self.observed_at, self.received_at)
+
+    @classmethod
+    def of_plain(cls, plain: list[Any]) -> Sighting:
+        """Back from a snapshot."""
+        state, observed_at, received_at = plain
+        return cls(SpotState.of_plain(state), observed_at, received_at)
+
 
 @dataclass(frozen=True, slots=True)
 class Happening:
@@ -54,6 +65,17 @@ class Happening:
     kind: Kind
     sighting: Sighting
     not_before: float | None
+
+    @property
+    def plain(self) -> tuple[Any, ...]:
+        """What a snapshot keeps."""
+        return (self.number, self.kind.value, self.sighting.plain, self.not_before)
+
+    @classmethod
+    def of_plain(cls, plain: list[Any]) -> Happening:
+        """Back from a snapshot."""
+        number, kind, sighting, not_before = plain
+        return cls(number, Kind(kind), Sighting.of_plain(sighting), not_before)
 
 
 class PassJournal:
@@ -86,19 +108,18 @@ class PassJournal:
         return {
             "version": self._version,
             "count": self._count,
-            "before": [_plain(sighting) for sighting in list(self._before.values())],
-            "current": [_plain(sighting) for sighting in list(self._current.values())],
-            "happenings": [(h.number, h.kind.value, _plain(h.sighting), h.not_before) for h in list(self._happenings)],
+            "before": list(self._before.values()),
+            "current": list(self._current.values()),
+            "happenings": list(self._happenings),
         }
 
     def restore(self, kept: dict[str, Any]) -> None:
         """Hold what a snapshot kept."""
         self._version, self._count = kept["version"], kept["count"]
-        self._before = {seen.state.spot_id: seen for seen in map(_sighting, kept["before"])}
-        self._current = {seen.state.spot_id: seen for seen in map(_sighting, kept["current"])}
+        self._before = {seen.state.spot_id: seen for seen in map(Sighting.of_plain, kept["before"])}
+        self._current = {seen.state.spot_id: seen for seen in map(Sighting.of_plain, kept["current"])}
         self._happenings.clear()
-        for number, kind, sighting, not_before in kept["happenings"]:
-            self._happenings.append(Happening(number, Kind(kind), _sighting(sighting), not_before))
+        self._happenings.extend(map(Happening.of_plain, kept["happenings"]))
 
     def _see(self, sighting: Sighting) -> None:
         spot_id = sighting.state.spot_id
@@ -121,12 +142,3 @@ class PassJournal:
         self._before[spot_id] = sighting
         self._count += 1
         self._happenings.append(Happening(self._count, kind, sighting, not_before))
-
-
-def _plain(sighting: Sighting) -> tuple[Any, ...]:
-    return (sighting.state.plain, sighting.observed_at, sighting.received_at)
-
-
-def _sighting(plain: list[Any]) -> Sighting:
-    state, observed_at, received_at = plain
-    return Sighting(SpotState.of_plain(state), observed_at, received_at)

@@ -7,13 +7,16 @@ code that it brings.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import threading
+import time
+from collections.abc import Iterator
 from typing import Any
 
 import msgpack
 import numpy as np
 import zstandard
 
+from autowaze.cloud.passes import Happening, Sighting
 from autowaze.world.columns import Columns, names_of
 from autowaze.world.errors import AutowazeError
 from autowaze.world.parking import SpotState
@@ -22,8 +25,10 @@ FORMAT = 1
 MOST_BYTES = 1 << 34
 _ARRAY = 1
 _ZSTD_LEVEL = 3
-_DEPTH = 5
-_PART_BYTES = 1 << 20
+_DEPTH = 4
+PART_BYTES = 1 << 17
+"""Diffs wait while one is packed or written."""
+_AWAKE_S, _RESTS = 0.001, 4.0
 
 Kept = dict[str, Any]
 
@@ -32,28 +37,41 @@ class SnapshotError(AutowazeError):
     """A snapshot that cannot be read, or is of another service; the log tells the same, at length."""
 
 
+class GivenUpError(SnapshotError):
+    """Nobody wants the snapshot any more."""
+
+
 def pack(kept: Kept) -> bytes:
     """The bytes of what parts of a service hold, by name."""
-    parts: list[bytes] = []
-    pack_into(parts.append, kept)
-    return b"".join(parts)
+    return b"".join(packed_parts(kept))
 
 
-def pack_into(take: Callable[[bytes], object], kept: Kept) -> None:
-    """Hand on the bytes of what parts of a service hold, part by part."""
+def packed_parts(kept: Kept, until: threading.Event | None = None) -> Iterator[bytes]:
+    """The same bytes part by part, so that the whole is never in one piece.
+
+    Args:
+        kept: what parts of a service hold, by name.
+        until: with this it rests four times as long as it works, so that a busy service goes on beside it; and gives
+            up when it is set.
+
+    Raises:
+        SnapshotError: something in it is of no kind that can be kept.
+        GivenUpError: `until` was set.
+    """
     frame = zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compressobj()
     packer = msgpack.Packer(default=_packed, use_bin_type=True, autoreset=False)
-
-    def flush(least: int = _PART_BYTES) -> None:
-        if len(packer.getbuffer()) >= least:
+    woke = time.perf_counter()
+    for _ in _steps(packer, {"format": FORMAT, **kept}, 0):
+        if len(packer.getbuffer()) >= PART_BYTES:
             part = frame.compress(packer.getbuffer())
             packer.reset()
             if part:
-                take(part)
-
-    _write(packer, {"format": FORMAT, **kept}, 0, flush)
-    flush(0)
-    take(frame.flush())
+                yield part
+        if until is not None and (awake_s := time.perf_counter() - woke) > _AWAKE_S:
+            if until.wait(_RESTS * awake_s):
+                raise GivenUpError("a snapshot was given up")
+            woke = time.perf_counter()
+    yield frame.compress(packer.getbuffer()) + frame.flush()
 
 
 def unpack(data: bytes) -> Kept:
@@ -70,27 +88,27 @@ def unpack(data: bytes) -> Kept:
 def _decompressed(data: bytes) -> bytearray:
     body = bytearray()
     with zstandard.ZstdDecompressor().stream_reader(data) as reader:
-        while part := reader.read(_PART_BYTES):
+        while part := reader.read(PART_BYTES):
             body += part
             if len(body) > MOST_BYTES:
                 raise ValueError(f"more than {MOST_BYTES} bytes")
     return body
 
 
-def _write(packer: Any, value: Any, depth: int, flush: Callable[[], None]) -> None:
+def _steps(packer: Any, value: Any, depth: int) -> Iterator[None]:
     """Pack item by item as far down as containers are large: the whole of a city's map is never in one buffer."""
     if depth < _DEPTH and isinstance(value, dict):
         packer.pack_map_header(len(value))
         for key, item in value.items():
             packer.pack(key)
-            _write(packer, item, depth + 1, flush)
+            yield from _steps(packer, item, depth + 1)
     elif depth < _DEPTH and isinstance(value, list):
         packer.pack_array_header(len(value))
         for item in value:
-            _write(packer, item, depth + 1, flush)
+            yield from _steps(packer, item, depth + 1)
     else:
         packer.pack(value)
-        flush()
+        yield
 
 
 def _packed(value: Any) -> Any:
@@ -99,11 +117,11 @@ def _packed(value: Any) -> Any:
         return msgpack.ExtType(_ARRAY, head + np.ascontiguousarray(value).tobytes())
     if isinstance(value, Columns):
         return {name: getattr(value, name) for name in names_of(type(value))}
-    if isinstance(value, SpotState):
+    if isinstance(value, SpotState | Sighting | Happening):
         return value.plain
     if isinstance(value, np.generic):
         return value.item()
-    raise TypeError(f"{type(value).__name__} cannot be kept in a snapshot")
+    raise SnapshotError(f"{type(value).__name__} cannot be kept in a snapshot")
 
 
 def _unpacked(code: int, data: bytes) -> Any:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from autowaze.cloud.durable import DurableService
-from autowaze.cloud.packing import GivenUpError
+from autowaze.cloud.snapshot import GivenUpError
 from autowaze.world.errors import AutowazeError
 
 DAY_S = 86_400.0

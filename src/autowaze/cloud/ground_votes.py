@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,6 +38,27 @@ class WindowVotes(NamedTuple):
     def key(self) -> tuple[float, int, int]:
         """Order of the windows."""
         return self.end, self.session, self.sequence
+
+
+@dataclass(frozen=True, slots=True)
+class _SpotWindows:
+    """What is kept of one spot, for a snapshot: all votes in one array."""
+
+    windows: list[WindowVotes]
+
+    @property
+    def plain(self) -> tuple[Any, ...]:
+        """(told, votes): all but the votes of each window, and the votes (W, 2, C)."""
+        told = [(w.end, w.session, w.sequence, w.sigma_m, w.source) for w in self.windows]
+        return told, np.array([(w.free, w.obstacle) for w in self.windows])
+
+    @classmethod
+    def of_plain(cls, plain: list[Any]) -> _SpotWindows:
+        """Back from a snapshot; each window has its votes for itself."""
+        windows = []
+        for (end, session, sequence, sigma_m, source), (free, obstacle) in zip(*plain, strict=True):
+            windows.append(WindowVotes(end, session, sequence, sigma_m, free.copy(), obstacle.copy(), source))
+        return cls(windows)
 
 
 class GroundVotes:
@@ -109,13 +131,13 @@ class GroundVotes:
 
     def kept(self) -> dict[str, Any]:
         """What it holds, for a snapshot: lists of windows by row of the spot."""
-        return {"windows": dict(self._windows)}
+        return {"windows": {spot: _SpotWindows(windows) for spot, windows in self._windows.items()}}
 
     def restore(self, kept: dict[str, Any], row_now: dict[int, int]) -> None:
         """Hold what a snapshot kept, of those rows that a spot still has or has now."""
         self._windows = {
-            row_now[spot]: [WindowVotes(*window) for window in windows]
-            for spot, windows in kept["windows"].items()
+            row_now[spot]: _SpotWindows.of_plain(plain).windows
+            for spot, plain in kept["windows"].items()
             if spot in row_now
         }
 

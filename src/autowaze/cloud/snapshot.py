@@ -1,8 +1,8 @@
 """The state of a service as bytes, so that a new process need not replay the whole log.
 
-Parts of the service say with `kept` what they hold: numbers, text, bytes, lists, maps, numpy arrays and columns, copied
-as far as they change in place; `restore` takes it back. Packed it is MessagePack in a zstd frame; reading it runs no
-code that it brings.
+Parts of the service say with `kept` what they hold: numbers, text, bytes, lists, maps, numpy arrays, columns, and what
+has a `plain` form of these, copied as far as they change in place; `restore` takes it back. Packed it is MessagePack in
+a zstd frame; reading it runs no code that it brings.
 """
 
 from __future__ import annotations
@@ -10,22 +10,22 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any
 
 import msgpack
 import numpy as np
 import zstandard
 
-from autowaze.cloud.passes import Happening, Sighting
 from autowaze.world.columns import Columns, names_of
 from autowaze.world.errors import AutowazeError
-from autowaze.world.parking import SpotState
 
-FORMAT = 1
+FORMAT = 2
 MOST_BYTES = 1 << 34
 _ARRAY = 1
 _ZSTD_LEVEL = 3
-_DEPTH = 4
+_DEPTH, _FEW = 5, 64
+"""How far down containers are taken apart, and lists as short as this are not."""
 PART_BYTES = 1 << 17
 """Diffs wait while one is packed or written."""
 _AWAKE_S, _RESTS = 0.001, 4.0
@@ -96,13 +96,14 @@ def _decompressed(data: bytes) -> bytearray:
 
 
 def _steps(packer: Any, value: Any, depth: int) -> Iterator[None]:
-    """Pack item by item as far down as containers are large: the whole of a city's map is never in one buffer."""
+    """Pack item by item as far down as containers are large: the whole of a city's map is never in one buffer, and no
+    other thread waits for it."""
     if depth < _DEPTH and isinstance(value, dict):
         packer.pack_map_header(len(value))
         for key, item in value.items():
             packer.pack(key)
             yield from _steps(packer, item, depth + 1)
-    elif depth < _DEPTH and isinstance(value, list):
+    elif depth < _DEPTH and isinstance(value, list) and len(value) > _FEW:
         packer.pack_array_header(len(value))
         for item in value:
             yield from _steps(packer, item, depth + 1)
@@ -113,15 +114,20 @@ def _steps(packer: Any, value: Any, depth: int) -> Iterator[None]:
 
 def _packed(value: Any) -> Any:
     if isinstance(value, np.ndarray):
-        head = msgpack.packb((value.dtype.str, value.shape))
-        return msgpack.ExtType(_ARRAY, head + np.ascontiguousarray(value).tobytes())
+        return msgpack.ExtType(_ARRAY, _head(value.dtype, value.shape) + value.tobytes())
     if isinstance(value, Columns):
         return {name: getattr(value, name) for name in names_of(type(value))}
-    if isinstance(value, SpotState | Sighting | Happening):
-        return value.plain
+    if (plain := getattr(value, "plain", None)) is not None:
+        return plain
     if isinstance(value, np.generic):
         return value.item()
     raise SnapshotError(f"{type(value).__name__} cannot be kept in a snapshot")
+
+
+@lru_cache(1024)
+def _head(dtype: np.dtype[Any], shape: tuple[int, ...]) -> bytes:
+    """What stands before the values of an array."""
+    return bytes(msgpack.packb((dtype.str, shape)))
 
 
 def _unpacked(code: int, data: bytes) -> Any:

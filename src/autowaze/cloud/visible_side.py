@@ -47,8 +47,12 @@ STRAY_SIGMA_M = 0.8
 """One that stands farther off than a few of these stands elsewhere: the spot does not pull it."""
 
 
-def boxes_from_visible_side(groups: VehicleGroups, spots: SpotIndex) -> VehicleBoxes:
-    """One box per group of enough points."""
+def boxes_from_visible_side(groups: VehicleGroups, spots: SpotIndex, is_pulled: bool = True) -> VehicleBoxes:
+    """One box per group of enough points.
+
+    Args:
+        is_pulled: whether spots pull boxes towards their middle; else a box lies as its points alone say.
+    """
     rows = np.flatnonzero(groups.sizes >= MIN_POINTS)
     views = groups.views[rows]
     nearest = spots.grid.nearest(groups.centroids[rows], ROW_REACH_M)
@@ -61,7 +65,7 @@ def boxes_from_visible_side(groups: VehicleGroups, spots: SpotIndex) -> VehicleB
         views.view_direction,
         usual,
         np.where(in_row, spots.heading[nearest], 0.0),
-        np.where(in_row[:, None], spots.centre[nearest], np.nan),
+        np.where(in_row[:, None] & is_pulled, spots.centre[nearest], np.nan),
     )
     return VehicleBoxes(
         centre=table[:, :2],

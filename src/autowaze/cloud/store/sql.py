@@ -200,9 +200,9 @@ class SqlStore:
         """Delete what was received before times; returns how many diffs that were."""
         snapshots = self._snapshots()
         covered = snapshots[-1][0] if len(snapshots) == _SNAPSHOTS else 0
-        pruned = self._delete("diffs", "position", f"received_at < ? AND position <= {covered}", diffs_before)
-        self._delete("history", "number", f"received_at < ? AND number < {self._changes}", history_before)
-        self._delete("audit", "number", "at < ?", history_before)
+        pruned = self._delete("diffs", "position", covered, "received_at", diffs_before)
+        self._delete("history", "number", self._changes - 1, "received_at", history_before)
+        self._delete("audit", "number", self._last("audit", "number"), "at", history_before)
         return pruned
 
     def tidy(self) -> None:
@@ -222,12 +222,19 @@ class SqlStore:
             for position, sha256 in self._side.execute("SELECT position, sha256 FROM snapshots ORDER BY position DESC")
         ]
 
-    def _delete(self, table: str, key: str, condition: str, before: float) -> int:
-        """Delete rows a few at a time, so that the log need not wait long."""
+    def _delete(self, table: str, key: str, last: int, time_column: str, before: float) -> int:
+        """Delete the first rows, up to a key and a time, a few at a time so that the log need not wait long.
+
+        Times ascend with the keys, so that what is kept need not be looked through. Where a clock was set back, a row
+        goes with the older ones that came after it.
+        """
         count = 0
-        chosen = f"SELECT {key} FROM {table} WHERE {condition} ORDER BY {key} LIMIT {_ROWS_DELETED_AT_ONCE}"
-        while rows := self._side.execute(f"DELETE FROM {table} WHERE {key} IN ({chosen}) RETURNING {key}", (before,)):
-            count += len(rows)
+        first = (
+            f"SELECT {key}, {time_column} FROM {table} WHERE {key} <= ? ORDER BY {key} LIMIT {_ROWS_DELETED_AT_ONCE}"
+        )
+        while old := [row[0] for row in self._side.execute(first, (last,)) if row[1] < before]:
+            self._side.execute(f"DELETE FROM {table} WHERE {key} <= ?", (old[-1],))
+            count += len(old)
         return count
 
     def _upsert(self, states: list[SpotState]) -> None:

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from autowaze.cloud.boxes import ROW_REACH_M
 from autowaze.cloud.grouping import VehicleGroups
 from autowaze.cloud.spots import SpotIndex
-from autowaze.cloud.visible_side import MIN_POINTS, USUAL_SIZE_M
+from autowaze.cloud.visible_side import MIN_POINTS
 from autowaze.world.labels import ClassLabel
+from autowaze.world.visible_side import USUAL_SIZE_M
 
 SPAN_QUANTILES = (0.03, 0.97)
 ALLOWANCE_M = (1.5, 0.7)

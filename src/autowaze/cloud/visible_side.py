@@ -1,8 +1,6 @@
 """Groups of points -> vehicle boxes that know that only the visible side of a vehicle yields points.
 
-A centroid lies 0.85 m (in bays 1.6 m) nearer to the camera than the vehicle's centre. Here the points give the near
-faces of the box, the view direction tells which faces these are, the usual size of the class gives the rest, and the
-spot pulls a little: the fewer the points, the more.
+The points say where a box lies (`world.visible_side`), and the spot pulls a little: the fewer the points, the more.
 """
 
 from __future__ import annotations
@@ -18,25 +16,9 @@ from autowaze.cloud.grouping import VehicleGroups
 from autowaze.cloud.spots import SpotIndex
 from autowaze.world.labels import ClassLabel
 from autowaze.world.vehicles import VehicleBoxes
+from autowaze.world.visible_side import USUAL_SIZE_M, fitted_boxes, turn_axes
 
 MIN_POINTS = 4
-USUAL_SIZE_M = {ClassLabel.CAR: (4.3, 1.8), ClassLabel.TRUCK: (5.2, 2.0), ClassLabel.BUS: (10.0, 2.5)}
-"""Length and width; segmentation networks trained on COCO call vans and pick-ups trucks."""
-LONGEST_M = 14.0
-CROSSWISE_M = 1.0
-"""A group that is wider than a vehicle by this, and than it is long, stands across its row."""
-END_QUANTILES = (0.05, 0.95)
-FACE_QUANTILES = (0.12, 0.88)
-"""Where the faces of a vehicle lie in the spread of its points: some lie behind the face, on bonnet, roof and through
-windows; some before it, by depth noise."""
-SEEN_LENGTH_SHARE = (0.4, 0.6)
-"""Points that span more of a vehicle's length than this lie along its side; fewer, on its near end only."""
-UNSEEN_END_M, UNSEEN_END_SIGMA_M = 0.7, 0.3
-"""How far before the far end of a vehicle the points of its side end: no car that passes sees that end."""
-LENGTH_SIGMA_M = 0.35
-"""How much lengths of one class differ."""
-CERTAIN_VIEW = 0.15
-"""Share of the view along an axis from which on it is certain which of two opposite faces was seen."""
 FIT_SIGMA_M = (0.35, 0.12)
 """How far off a box is by its points along and across the vehicle: lengths differ more than widths do."""
 POINT_SIGMA_M = (1.0, 0.8)
@@ -58,15 +40,17 @@ def boxes_from_visible_side(groups: VehicleGroups, spots: SpotIndex, is_pulled: 
     nearest = spots.grid.nearest(groups.centroids[rows], ROW_REACH_M)
     in_row = nearest >= 0
     usual = np.array([USUAL_SIZE_M[ClassLabel(label)] for label in views.label.tolist()]).reshape(-1, 2)
-    table = _fitted(
+    sizes = groups.sizes[rows]
+    table = fitted_boxes(
         np.ascontiguousarray(groups.position[:, :2]),
         groups.starts[rows],
-        groups.sizes[rows],
+        sizes,
         views.view_direction,
         usual,
         np.where(in_row, spots.heading[nearest], 0.0),
-        np.where(in_row[:, None] & is_pulled, spots.centre[nearest], np.nan),
     )
+    if is_pulled:
+        _pull(table, np.where(in_row[:, None], spots.centre[nearest], np.nan), sizes)
     return VehicleBoxes(
         centre=table[:, :2],
         length=table[:, 2],
@@ -75,81 +59,23 @@ def boxes_from_visible_side(groups: VehicleGroups, spots: SpotIndex, is_pulled: 
         group=views.key,
         label=views.label,
         confidence=views.confidence,
-        points=groups.sizes[rows],
+        points=sizes,
         seen_at=views.seen_at,
     )
 
 
 @numba.njit(cache=True, nogil=True)
-def _fitted(
-    points: NDArray[np.float64],
-    starts: NDArray[np.int64],
-    sizes: NDArray[np.int64],
-    view_direction: NDArray[np.float64],
-    usual: NDArray[np.float64],
-    row_heading: NDArray[np.float64],
-    spot_centre: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Centre x, y, length, width, heading (G, 5) of the boxes around groups of points (P, 2)."""
-    table = np.empty((len(starts), 5))
-    axes, middle, size, facing = np.empty((2, 2)), np.empty(2), np.empty(2), np.empty(2)
-    for g in range(len(starts)):
-        own = points[starts[g] : starts[g] + sizes[g]]
-        heading = row_heading[g]
-        _turn(axes, heading)
-        along, across = np.sort(own @ axes[0]), np.sort(own @ axes[1])
-        wide = _quantile(across, END_QUANTILES[1]) - _quantile(across, END_QUANTILES[0])
-        long = _quantile(along, END_QUANTILES[1]) - _quantile(along, END_QUANTILES[0])
-        if wide > max(usual[g, 1] + CROSSWISE_M, long):
-            heading = (heading + np.pi / 2) % np.pi
-            _turn(axes, heading)
-            along, across = np.sort(own @ axes[0]), np.sort(own @ axes[1])
-            long = _quantile(along, END_QUANTILES[1]) - _quantile(along, END_QUANTILES[0])
-        size[0], size[1] = min(max(long, usual[g, 0]), LONGEST_M), usual[g, 1]
+def _pull(table: NDArray[np.float64], spot_centre: NDArray[np.float64], sizes: NDArray[np.int64]) -> None:
+    """Move boxes (G, 5) towards the middles of their spots (G, 2), NaN for none, along and across as each is sure."""
+    axes = np.empty((2, 2))
+    for g in range(len(table)):
+        if np.isnan(spot_centre[g, 0]):
+            continue
+        turn_axes(axes, table[g, 4])
+        middle, spot = axes @ table[g, :2], axes @ spot_centre[g]
+        away2 = (spot[0] - middle[0]) ** 2 + (spot[1] - middle[1]) ** 2
+        belongs = math.exp(-away2 / (2.0 * STRAY_SIGMA_M**2))
         for axis in range(2):
-            ascending = along if axis == 0 else across
-            low, high = _quantile(ascending, FACE_QUANTILES[0]), _quantile(ascending, FACE_QUANTILES[1])
-            towards = axes[axis, 0] * view_direction[g, 0] + axes[axis, 1] * view_direction[g, 1]
-            towards = facing[axis] = min(max(towards / CERTAIN_VIEW, -1.0), 1.0)
-            near = low if towards > 0 else high
-            near = near * abs(towards) + (low + high) / 2 * (1.0 - abs(towards))
-            middle[axis] = near + towards * size[axis] / 2
-        share = (long / usual[g, 0] - SEEN_LENGTH_SHARE[0]) / (SEEN_LENGTH_SHARE[1] - SEEN_LENGTH_SHARE[0])
-        share = min(max(share, 0.0), 1.0)
-        low, high = _quantile(along, END_QUANTILES[0]), _quantile(along, END_QUANTILES[1])
-        told = share * LENGTH_SIGMA_M**2 / (LENGTH_SIGMA_M**2 + UNSEEN_END_SIGMA_M**2)
-        longer = told * (min(long + UNSEEN_END_M, LONGEST_M) - size[0])
-        sure = abs(facing[0])
-        middle[0] += sure * facing[0] * longer / 2 + (1.0 - sure) * share * ((low + high) / 2 - middle[0])
-        size[0] += sure * longer
-        if not np.isnan(spot_centre[g, 0]):
-            _pull(middle, axes @ spot_centre[g], sizes[g])
+            fit2 = FIT_SIGMA_M[axis] ** 2 + POINT_SIGMA_M[axis] ** 2 / sizes[g]
+            middle[axis] += belongs * fit2 / (fit2 + PARKED_SIGMA_M[axis] ** 2) * (spot[axis] - middle[axis])
         table[g, :2] = middle[0] * axes[0] + middle[1] * axes[1]
-        table[g, 2], table[g, 3], table[g, 4] = size[0], size[1], heading
-    return table
-
-
-@numba.njit(cache=True, nogil=True)
-def _pull(middle: NDArray[np.float64], spot: NDArray[np.float64], count: int) -> None:
-    """Move the middle (2,) of a box towards that of its spot (2,), both along and across, as far as each is sure."""
-    away2 = (spot[0] - middle[0]) ** 2 + (spot[1] - middle[1]) ** 2
-    belongs = math.exp(-away2 / (2.0 * STRAY_SIGMA_M**2))
-    for axis in range(2):
-        fit2 = FIT_SIGMA_M[axis] ** 2 + POINT_SIGMA_M[axis] ** 2 / count
-        middle[axis] += belongs * fit2 / (fit2 + PARKED_SIGMA_M[axis] ** 2) * (spot[axis] - middle[axis])
-
-
-@numba.njit(cache=True, nogil=True)
-def _turn(axes: NDArray[np.float64], heading: float) -> None:
-    """Make the axes (2, 2) lie along and across this heading."""
-    sin, cos = math.sin(heading), math.cos(heading)
-    axes[0, 0], axes[0, 1], axes[1, 0], axes[1, 1] = sin, cos, cos, -sin
-
-
-@numba.njit(cache=True, nogil=True)
-def _quantile(ascending: NDArray[np.float64], share: float) -> float:
-    """Quantile of sorted values (N,), linear between ranks."""
-    rank = share * (len(ascending) - 1)
-    below = int(rank)
-    above = min(below + 1, len(ascending) - 1)
-    return float(ascending[below] * (1.0 - (rank - below)) + ascending[above] * (rank - below))

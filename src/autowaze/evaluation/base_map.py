@@ -8,6 +8,7 @@ from autowaze.cloud.integration import MapState
 from autowaze.evaluation.datum import Start, starting_point
 from autowaze.evaluation.drive import DriveRecord, Progress, run_drive
 from autowaze.evaluation.loop_correction import correct_loops
+from autowaze.evaluation.survey_registration import register_survey
 from autowaze.traces import Trace
 from autowaze.vehicle.diffing import DiffSettings
 from autowaze.vehicle.node import NodeSettings, StartingPoint, VehicleNode
@@ -34,7 +35,7 @@ def build_base_map(
 ) -> tuple[DriveRecord, FeatureMap]:
     """Drive a trace with an empty map and integrate what it found."""
     begin = starting_point(trace, spots, start)
-    record, georeference = survey(trace, segmenter, begin, _SESSION, progress, settings)
+    record, georeference = survey(trace, segmenter, begin, _SESSION, progress, settings, spots)
     return record, integrated(record.messages, georeference)
 
 
@@ -45,15 +46,19 @@ def survey(
     session: int,
     progress: Progress | None = None,
     settings: NodeSettings | None = None,
+    spots: ParkingMap | None = None,
 ) -> tuple[DriveRecord, Georeference | None]:
     """Drive a trace with an empty map; what it found is in the messages, in the map frame returned with them.
 
-    Where the drive came back to where it had been, they are as known after the drive, not as told on the way.
+    Where the drive came back to where it had been, they are as known after the drive, not as told on the way. Where its
+    first pose was surveyed, and `spots` say where people park, they are laid onto the parking map.
     """
     settings = settings or NodeSettings(diff=SURVEY)
     node = VehicleNode(trace.camera, segmenter, settings, start=start, session=session)
     record = run_drive(trace, node, lambda message: None, progress)
     correct_loops(record, node.slam.loops)
+    if spots is not None and start.T_map_cam is not None:
+        register_survey(record, spots)
     return record, node.georeference
 
 

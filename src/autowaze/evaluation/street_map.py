@@ -13,6 +13,7 @@ from autowaze.evaluation.datum import Start, starting_point
 from autowaze.evaluation.drive import DriveRecord, Progress, run_drive
 from autowaze.evaluation.loop_correction import correct_loops
 from autowaze.evaluation.map_selection import FEATURES_PER_METRE, worth_keeping
+from autowaze.evaluation.survey_registration import register_survey
 from autowaze.traces import Trace
 from autowaze.vehicle.diffing import DiffSettings
 from autowaze.vehicle.node import NodeSettings, VehicleNode
@@ -71,6 +72,8 @@ def map_streets(
         node = VehicleNode(trace.camera, segmenter, _SETTINGS, stored, begin, session=_unused_session(before))
         drive = run_drive(trace, node, lambda message: None, progress)
         correct_loops(drive, node.slam.loops)
+        if stored is None and spots is not None and begin.T_map_cam is not None:
+            register_survey(drive, spots)
         state = MapState(stored, node.georeference)
         for message in drive.messages:
             state.integrate(decode_diff(message))

@@ -150,7 +150,7 @@ def _drive(laboratory: Laboratory, drive: PlannedDrive, stored: FeatureMap | Non
     progress = crew.telling(f"{drive.name}, driving")
     if drive.number == 0:
         start = starting_point(trace, spots, Start.FIRST_TRUE_POSE)
-        passage = survey_passage(trace, segmenter, start, session, progress)
+        passage = survey_passage(trace, segmenter, start, session, progress, spots)
     else:
         start = starting_point(trace, spots, Start.GNSS)
         passage = drive_passage(trace, segmenter, spots, start, stored, session, progress)

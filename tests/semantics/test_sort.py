@@ -150,6 +150,48 @@ def test_a_car_of_which_now_one_end_is_seen_and_now_the_other_keeps_its_id():
     assert ids == {1}
 
 
+def test_a_car_that_comes_to_sight_at_its_other_end_keeps_its_id():
+    sort = Sort(CAMERA)
+    ids = set()
+    for k in range(12):
+        (left, top, right, bottom), z = parked_car(x=-4.0, z=16.0, T_map_cam=at(0.3 * k), width=4.2)
+        half = (left + right) / 2
+        seen = (half, top, right, bottom) if k < 5 else (left, top, half - 4.0, bottom)
+        hidden = 5 <= k < 9  # another car passes, and only the nearer end was ever seen
+        tracks = sort.update(
+            detections() if hidden else detections(seen), at(0.3 * k), depths() if hidden else depths(z)
+        )
+        ids.update(tracks.id.tolist())
+    assert ids == {1}
+
+
+def test_the_next_car_in_the_row_is_not_taken_for_the_hidden_one():
+    sort = Sort(CAMERA)
+    first, z = parked_car(x=4.0, z=16.0, T_map_cam=at(0.0))
+    assert sort.update(detections(first), at(0.0), depths(z)).id.tolist() == [1]
+    sort.update(detections(), at(0.3), depths())
+    following, z = parked_car(x=4.0, z=21.5, T_map_cam=at(0.6))
+    assert sort.update(detections(following), at(0.6), depths(z)).id.tolist() == [2]
+
+
+def test_a_sliver_uncovered_in_a_frame_is_still_the_same_car():
+    sort = Sort(CAMERA)
+    (left, top, right, bottom), z = parked_car(x=-3.0, z=12.0, T_map_cam=at(0.0), width=4.2)
+    sliver = (left, top, left + 0.15 * (right - left), bottom)
+    assert sort.update(detections(sliver), at(0.0), depths(np.nan)).id.tolist() == [1]
+    assert sort.update(detections((left, top, right, bottom)), at(0.0), depths(z)).id.tolist() == [1]
+
+
+def test_what_lies_behind_is_not_waited_for():
+    sort = Sort(CAMERA)
+    box, z = parked_car(x=3.0, z=8.0, T_map_cam=at(0.0))
+    assert sort.update(detections(box), at(0.0), depths(z)).id.tolist() == [1]
+    for k in range(1, 6):
+        sort.update(detections(), at(3.0 * k), depths())
+    passed = (1000.0, 200.0, 1240.0, 375.0)
+    assert sort.update(detections(passed), at(16.0), depths(np.nan)).id.tolist() == [2]
+
+
 def test_a_car_whose_lower_half_is_hidden_is_not_taken_for_one_farther_away():
     sort = Sort(CAMERA)
     ids = set()

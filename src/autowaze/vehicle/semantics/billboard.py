@@ -45,6 +45,14 @@ class Billboards:
         """Tracks (T,) whose place rests on stereo, not on a guess from their size."""
         return self._measured
 
+    @property
+    def ahead(self) -> NDArray[np.bool_]:
+        """Tracks (T,) of which some part is before the camera; those without a place are taken to be."""
+        if self._T_map_cam is None:
+            return np.ones(len(self._corners), np.bool_)
+        edges = self._project(self._corners, self._T_map_cam)[1]
+        return np.asarray(~(edges.max(axis=1) < _NEAREST_M))
+
     def add(self, n: int) -> None:
         """Append tracks without a place."""
         self._corners = np.concatenate([self._corners, np.full((n, 4, 3), np.nan)])
@@ -79,6 +87,27 @@ class Billboards:
             return np.full(len(self._corners), np.nan)
         _, edges = self._project(self._corners, self._T_map_cam)
         return np.where(self._measured, edges.mean(axis=1), np.nan)
+
+    def distance(self, boxes: NDArray[np.floating], depths: InstanceDepths) -> NDArray[np.float64]:
+        """Metres (D, T) over ground from the middle of what is seen in boxes (D, 4) to where each track stands.
+
+        Across the line of sight where the depth of what is seen is unknown; infinite for what lies behind.
+        """
+        nearest = np.full((len(boxes), len(self._corners)), np.inf)
+        if self._T_map_cam is None:
+            return nearest
+        u = (boxes[:, 0] + boxes[:, 2])[:, None] / 2
+        measured = (depths.left + depths.right)[:, None] / 2
+        for side in (self._corners, self._widest):
+            x, _, z = transform(inverse(self._T_map_cam), side.mean(axis=1)).T[:, None]
+            depth = np.where(np.isfinite(measured), measured, z)
+            away = np.hypot((u - self.camera.cx) / self.camera.fx * depth - x, depth - z)
+            nearest = np.fmin(nearest, np.where(z > _NEAREST_M, away, np.inf))
+        return nearest
+
+    def forget_place(self, rows: NDArray[np.int64]) -> None:
+        """Let these tracks be placed by the next measurement alone."""
+        self._measured[rows] = False
 
     def tolerance(self, depth: NDArray[np.float64]) -> NDArray[np.float64]:
         """By how many metres two depths of one thing may differ."""

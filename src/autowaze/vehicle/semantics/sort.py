@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
+from autowaze.vehicle.semantics.assignment import assign, overlaps
 from autowaze.vehicle.semantics.billboard import Billboards
 from autowaze.vehicle.semantics.box_filter import BoxFilter, boxes_to_measurements, states_to_boxes
 from autowaze.vehicle.semantics.classes import kinds
@@ -41,6 +41,9 @@ class SortSettings:
         max_drift: shift of a box per frame over its size, beyond ego motion, up to which the object may be standing.
         min_containment: least share of a detection that lies in the foretold box of a partly hidden object, when
             their depths agree.
+        max_apart_m: distance over ground up to which what comes to sight may be another part of a hidden vehicle: half
+            a car's length and a bit, well below the pitch at which cars park along a kerb.
+        max_across_m: the same across the line of sight, where its depth is unknown.
         min_iou_in_place: least overlap with the box of the frame before of what nothing foretold explains.
     """
 
@@ -52,6 +55,8 @@ class SortSettings:
     max_age_in_map: int = 30
     max_drift: float = 0.12
     min_containment: float = 0.7
+    max_apart_m: float = 3.0
+    max_across_m: float = 1.5
     min_iou_in_place: float = 0.6
 
 
@@ -109,33 +114,60 @@ class Sort:
 
     def _match(self, detections: Detections, depths: InstanceDepths, cut: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Row (D,) of the track that each detection continues, -1 for none; `cut` (D, 4) by which borders."""
-        iou, containment = _overlaps(np.asarray(detections.box, np.float64), self._foretold())
+        iou, containment = overlaps(np.asarray(detections.box, np.float64), self._foretold())
         same_kind = kinds(detections.label)[:, None] == kinds(self._label())[None, :]
         elsewhere, agree = self._compare_depths(depths)
         rows = np.full(len(detections), -1, np.int64)
         s = self.settings
         enough = iou >= np.where(self._age == 0, s.min_iou, s.min_iou_waiting)[None, :]
-        _assign(rows, np.where(same_kind & ~elsewhere & enough, iou, 0.0))
-        _assign(rows, np.where(same_kind & agree & (containment >= s.min_containment), containment, 0.0))
-        _assign(rows, np.where(same_kind & elsewhere & (iou >= s.min_iou_elsewhere), iou, 0.0))
+        assign(rows, np.where(same_kind & ~elsewhere & enough, iou, 0.0))
+        seen_before = (self._age == 0)[None, :]
+        # A sliver of what was just seen whole is too small for a depth.
+        fits = agree | (np.isnan(depths.left)[:, None] & seen_before)
+        assign(rows, np.where(same_kind & fits & (containment >= s.min_containment), containment, 0.0))
+        assign(rows, np.where(same_kind & elsewhere & (iou >= s.min_iou_elsewhere), iou, 0.0))
         # Of what another thing slides before, now this part is seen and now that.
         if self._billboards:
-            _, part = _overlaps(np.asarray(detections.box, np.float64), np.nan_to_num(self._billboards.widest_boxes()))
+            _, part = overlaps(np.asarray(detections.box, np.float64), np.nan_to_num(self._billboards.widest_boxes()))
             possible = same_kind & agree & self._waits_in_map() & (part >= s.min_containment)
-            _assign(rows, np.where(possible, part, 0.0))
+            assign(rows, np.where(possible, part, 0.0))
         # What leaves the image shrinks within its box to a bonnet in the corner, too small for a depth.
-        there, still_inside = _overlaps(np.asarray(detections.box, np.float64), self._last_box)
-        seen_before = (self._age == 0)[None, :]
+        there, still_inside = overlaps(np.asarray(detections.box, np.float64), self._last_box)
         leaving = seen_before & (cut[:, None, ::2] & self._cut(self._last_box)[None, :, ::2]).any(axis=2)
         inside = still_inside >= s.min_containment
-        _assign(rows, np.where(same_kind & leaving & inside & ~elsewhere, still_inside, 0.0))
+        assign(rows, np.where(same_kind & leaving & inside & ~elsewhere, still_inside, 0.0))
         # The place of what is very near, or half hidden, is foretold badly; what nothing else explains and fills the
         # box of the frame before is what was there.
-        _assign(rows, np.where(same_kind & seen_before & (there >= s.min_iou_in_place), there, 0.0))
+        assign(rows, np.where(same_kind & seen_before & (there >= s.min_iou_in_place), there, 0.0))
+        if self._billboards:
+            self._match_in_map(rows, detections, depths, same_kind)
+        # What hid it has passed: all that was seen before is now a part of it.
+        swallowed = overlaps(self._last_box, np.asarray(detections.box, np.float64))[1].T
+        uncovered = swallowed >= s.min_containment
+        assign(rows, np.where(same_kind & seen_before & uncovered & ~elsewhere, swallowed, 0.0))
         # The depth of a thin person is easily that of the wall behind; nobody walks far in a frame.
         thin = same_kind & ~is_vehicle(detections.label)[:, None] & seen_before
-        _assign(rows, np.where(thin & (there >= s.min_iou), there, 0.0))
+        assign(rows, np.where(thin & (there >= s.min_iou), there, 0.0))
         return rows
+
+    def _match_in_map(
+        self, rows: NDArray[np.int64], detections: Detections, depths: InstanceDepths, same_kind: NDArray[np.bool_]
+    ) -> None:
+        """Give vehicles that nothing explains the hidden tracks that stand where they are.
+
+        Of a car that another slides before, the end that comes to sight is seldom the one that was seen last; the
+        boxes of both may have nothing in common.
+        """
+        assert self._billboards is not None
+        apart = self._billboards.distance(detections.box, depths)
+        limit = np.where(np.isnan(depths.left), self.settings.max_across_m, self.settings.max_apart_m)[:, None]
+        hidden = self._waits_in_map() & (self._age > 0)
+        possible = same_kind & is_vehicle(detections.label)[:, None] & hidden & (apart < limit)
+        unexplained = rows < 0
+        assign(rows, np.where(possible, 1.0 - apart / limit, 0.0))
+        found = rows[unexplained & (rows >= 0)]
+        self._billboards.forget_place(found)
+        self._filter.forget_rates(found)
 
     def _foretold(self) -> NDArray[np.float64]:
         """Boxes (T, 4); an edge that the border of the image cut in the frame before is still there."""
@@ -196,7 +228,7 @@ class Sort:
             return np.zeros(len(self._id), np.bool_)
         boxes = states_to_boxes(self._filter.mean)
         in_view = (boxes[:, 2:] > 0) & (boxes[:, :2] < [self.camera.width, self.camera.height])
-        return np.asarray((self._calm > 0.5) & in_view.all(axis=1) & self._billboards.placed)
+        return np.asarray((self._calm > 0.5) & in_view.all(axis=1) & self._billboards.placed & self._billboards.ahead)
 
     def _keeps_place(self) -> NDArray[np.bool_]:
         """Tracks (T,) whose box moves now as that of a standing object."""
@@ -206,23 +238,3 @@ class Sort:
     def _label(self) -> NDArray[np.uint8]:
         """Label (T,) with the most confident votes."""
         return np.asarray(self._votes.argmax(axis=1), dtype=np.uint8)
-
-
-def _overlaps(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """IoU (A, B), and the share (A, B) of each box of `a` that lies in each of `b`."""
-    low = np.maximum(a[:, None, :2], b[None, :, :2])
-    high = np.minimum(a[:, None, 2:], b[None, :, 2:])
-    shared = np.clip(high - low, 0.0, None).prod(axis=2)
-    area_a = np.maximum((a[:, 2:] - a[:, :2]).prod(axis=1), 1e-9)[:, None]
-    area_b = np.maximum((b[:, 2:] - b[:, :2]).prod(axis=1), 1e-9)[None, :]
-    return shared / (area_a + area_b - shared), shared / area_a
-
-
-def _assign(rows: NDArray[np.int64], score: NDArray[np.float64]) -> None:
-    """Give detections without a track the one that maximises the total score (D, T); zero means impossible."""
-    free_detections = np.flatnonzero(rows < 0)
-    free_tracks = np.setdiff1d(np.arange(score.shape[1]), rows)
-    open_score = score[np.ix_(free_detections, free_tracks)]
-    d, t = linear_sum_assignment(open_score, maximize=True)
-    possible = open_score[d, t] > 0
-    rows[free_detections[d[possible]]] = free_tracks[t[possible]]

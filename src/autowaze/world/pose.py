@@ -21,10 +21,10 @@ def make_pose(rotation: NDArray[np.floating], translation: NDArray[np.floating])
 
 def inverse(T: Pose) -> Pose:
     """Inverse of a rigid transform, or of a stack (..., 4, 4) of them."""
-    out = np.zeros_like(T)
     R_t = np.swapaxes(T[..., :3, :3], -1, -2)
+    out = np.zeros(T.shape, T.dtype)
     out[..., :3, :3] = R_t
-    out[..., :3, 3] = -np.einsum("...ij,...j->...i", R_t, T[..., :3, 3])
+    out[..., :3, 3] = -(R_t @ T[..., :3, 3, None])[..., 0] if T.ndim > 2 else -(R_t @ T[:3, 3])
     out[..., 3, 3] = 1.0
     return out
 

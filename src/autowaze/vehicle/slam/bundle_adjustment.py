@@ -26,7 +26,7 @@ from autowaze.world.pose import inverse
 
 _ITERATIONS = 3  # with Huber's cost, and again without the outliers; ORB-SLAM2 takes 5 and 10
 _MAX_DENSE = 30  # poses
-_RELATIVE_GAIN = 1e-4  # a smaller one ends the iterations
+COARSE, FINE = 1e-3, 1e-4  # relative gain of an iteration below which there is no next one
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,9 @@ class _Observations:
     calibration: NDArray[np.float64]
 
 
-def adjust(problem: BundleProblem, camera: StereoCamera, max_iterations: int = _ITERATIONS) -> BundleSolution:
+def adjust(
+    problem: BundleProblem, camera: StereoCamera, max_iterations: int = _ITERATIONS, least_gain: float = COARSE
+) -> BundleSolution:
     """Least reprojection error over all free poses and points, outliers left out.
 
     At least one pose or three points must be held, or the gauge drifts (the damping keeps it solvable). The poses of a
@@ -88,14 +90,16 @@ def adjust(problem: BundleProblem, camera: StereoCamera, max_iterations: int = _
         problem: what was seen from where.
         camera: calibration.
         max_iterations: in each of two rounds, the first with Huber's cost, the second without the outliers.
+        least_gain: share of the cost that an iteration must save for another one to follow; what is soon adjusted again
+            with more keyframes needs no last digits.
     """
-    order = np.lexsort((problem.keyframe, problem.point))
+    order, start = _by_landmark(problem.keyframe, problem.point, len(problem.T_map_cam), len(problem.position))
     T = inverse(problem.T_map_cam)
     free = np.where(problem.pose_free, np.cumsum(problem.pose_free) - 1, -1).astype(np.int64)
     seen = _Observations(
         free=free,
         point_free=problem.point_free,
-        start=np.searchsorted(problem.point[order], np.arange(len(problem.position) + 1)).astype(np.int64),
+        start=start,
         keyframe=problem.keyframe[order],
         measured=problem.measured[order],
         information=problem.information[order],
@@ -105,7 +109,7 @@ def adjust(problem: BundleProblem, camera: StereoCamera, max_iterations: int = _
     state = (np.ascontiguousarray(T[:, :3, :3]), np.ascontiguousarray(T[:, :3, 3]), problem.position.copy())
     inlier_sorted = np.ones(len(order), np.bool_)
     for robust in (True, False):
-        state, chi2 = _minimise(state, seen, inlier_sorted, robust, max_iterations)
+        state, chi2 = _minimise(state, seen, inlier_sorted, robust, max_iterations, least_gain)
         inlier_sorted = chi2 <= np.where(seen.information[:, 1] > 0.0, CHI2_STEREO, CHI2_MONO)
     T[:, :3, :3], T[:, :3, 3] = orthonormal(state[0]), state[1]
     inlier = np.empty(len(order), np.bool_)
@@ -126,27 +130,33 @@ def _cost(
 
 
 def _minimise(
-    state: _State, seen: _Observations, inlier: NDArray[np.bool_], robust: bool, max_iterations: int
+    state: _State,
+    seen: _Observations,
+    inlier: NDArray[np.bool_],
+    robust: bool,
+    max_iterations: int,
+    least_gain: float,
 ) -> tuple[_State, NDArray[np.float64]]:
     """Levenberg-Marquardt; returns also the squared errors (M,) of what it found."""
     block, n_blocks = shared_blocks(seen.free, seen.start, seen.keyframe, int(seen.free.max()) + 1)
+    W = np.empty((len(inlier), 3, 6))
     damping, (cost, chi2) = 1e-4, _cost(state, seen, inlier, robust)
     for _ in range(max_iterations):
         R, t, position = state
         H, g, diagonal, *landmarks = eliminate_landmarks(
             R, t, seen.free, position, seen.point_free, seen.start, seen.keyframe, seen.measured, seen.information,
-            seen.weight, seen.calibration, inlier, robust, damping, block, n_blocks,
+            seen.weight, seen.calibration, inlier, robust, damping, block, n_blocks, W,
         )  # fmt: skip
         step = _solve(H, block, -g, damping * diagonal + 1e-9)
         new_cost = np.inf
         if step is not None:
-            new = substitute_back(R, t, seen.free, position, seen.start, seen.keyframe, step, *landmarks)
+            new = substitute_back(R, t, seen.free, position, seen.start, seen.keyframe, step, W, *landmarks)
             new_cost, new_chi2 = _cost(new, seen, inlier, robust)
         if new_cost <= cost:
             gain = (cost - new_cost) / max(cost, 1e-12)
             state, cost, chi2 = new, new_cost, new_chi2
             damping = max(damping * 0.1, 1e-9)
-            if gain < _RELATIVE_GAIN:
+            if gain < least_gain:
                 break
         else:
             damping *= 10.0
@@ -181,6 +191,24 @@ def _solve_sparse(
     except RuntimeError:  # exactly singular
         return None
     return np.asarray(step) if np.isfinite(step).all() else None
+
+
+@compiled
+def _by_landmark(keyframe, point, n_keyframes, n_points):  # type: ignore[no-untyped-def]
+    """Observations (M,) sorted by landmark, then by keyframe, and where each landmark begins (P + 1); by counting."""
+    order = np.arange(keyframe.shape[0])
+    start = np.zeros(1, np.int64)
+    for key, n in ((keyframe, n_keyframes), (point, n_points)):
+        start = np.zeros(n + 1, np.int64)
+        for k in key:
+            start[k + 1] += 1
+        start = np.cumsum(start)
+        free, sorted_ = start.copy(), np.empty_like(order)
+        for i in order:
+            sorted_[free[key[i]]] = i
+            free[key[i]] += 1
+        order = sorted_
+    return order, start
 
 
 @compiled

@@ -41,8 +41,8 @@ def match_in_windows(
             level,
             radius_px,
             frame.words,
-            frame.measured,
-            frame.octave,
+            frame.cell_measured,
+            frame.cell_octave,
             frame.cell_start,
             frame.in_cell,
             frame.n_columns,
@@ -63,7 +63,7 @@ def _match(  # type: ignore[no-untyped-def]  # noqa: PLR0912
     owner = np.full(n, -1, np.int64)
     owner_distance = np.full(n, 1 << 20, np.int64)
     for i in range(m):
-        u, v, r = pixel[i, 0], pixel[i, 1], radius[i]
+        u, v, disparity, r = pixel[i, 0], pixel[i, 1], pixel[i, 2], radius[i]
         c0 = max(np.int64((u - r) / CELL_PX), 0)
         c1 = min(np.int64((u + r) / CELL_PX), n_columns - 1)
         r0: Any = max(np.int64((v - r) / CELL_PX), 0)
@@ -74,19 +74,19 @@ def _match(  # type: ignore[no-untyped-def]  # noqa: PLR0912
         second, second_level = best_distance, best_level
         for line in range(r0, r1 + 1):
             for k in range(cell_start[line * n_columns + c0], cell_start[line * n_columns + c1 + 1]):
+                if abs(measured[k, 0] - u) > r or abs(measured[k, 1] - v) > r or abs(octave[k] - level[i]) > 1:
+                    continue
+                if abs(measured[k, 2] - disparity) > r:  # false for NaN: features without depth pass
+                    continue
                 j = in_cell[k]
-                if taken[j] or abs(measured[j, 0] - u) > r or abs(measured[j, 1] - v) > r:
-                    continue
-                if abs(octave[j] - level[i]) > 1:
-                    continue
-                if abs(measured[j, 2] - pixel[i, 2]) > r:  # false for NaN: features without depth pass
+                if taken[j]:
                     continue
                 distance = np.int64(hamming(words, row[i], feature_words, j))
                 if distance < best_distance:
                     second, second_level = best_distance, best_level
-                    best, best_distance, best_level = j, distance, octave[j]
+                    best, best_distance, best_level = j, distance, octave[k]
                 elif distance < second:
-                    second, second_level = distance, octave[j]
+                    second, second_level = distance, octave[k]
         if best < 0 or best_distance > max_hamming:
             continue
         if best_level == second_level and best_distance > ratio * second:

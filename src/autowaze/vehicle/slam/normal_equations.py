@@ -65,17 +65,17 @@ def shared_blocks(free, start, keyframe, n_free):  # type: ignore[no-untyped-def
 @compiled
 def eliminate_landmarks(  # type: ignore[no-untyped-def]  # noqa: PLR0915
     R, t, free, position, point_free, start, keyframe, measured, information, weight, calibration, inlier, robust,
-    damping, block, n_blocks,
+    damping, block, n_blocks, W,
 ):  # fmt: skip
     """The system of the free poses alone, and what it takes to find the landmarks afterwards.
 
-    Returns H (blocks, 6, 6) and g (6 F) of the reduced system, the diagonal (6 F) before the reduction, and per
-    observation its landmark-pose block W (M, 3, 6) and whether it counts; per landmark its inverse block, gradient
-    and whether it can be solved.
+    Fills W (M, 3, 6), the landmark-pose block of each observation: fresh memory for it in each iteration would cost a
+    quarter of the time. Returns H (blocks, 6, 6) and g (6 F) of the reduced system, the diagonal (6 F) before the
+    reduction, and per observation whether it counts; per landmark its inverse block, gradient and whether it can be
+    solved.
     """
     n_points, n_free = position.shape[0], block.shape[0]
     H, g = np.zeros((n_blocks, 6, 6)), np.zeros(6 * n_free)
-    W = np.empty((keyframe.shape[0], 3, 6))
     used = np.zeros(keyframe.shape[0], np.bool_)
     V_inverse = np.zeros((n_points, 3, 3))
     point_gradient = np.zeros((n_points, 3))
@@ -133,7 +133,7 @@ def eliminate_landmarks(  # type: ignore[no-untyped-def]  # noqa: PLR0915
         for a in range(6):
             diagonal[6 * f + a] = H[block[f, f], a, a]
     _reduce(H, g, free, start, keyframe, block, W, used, V_inverse, point_gradient, solvable)
-    return H, g, diagonal, W, used, V_inverse, point_gradient, solvable
+    return H, g, diagonal, used, V_inverse, point_gradient, solvable
 
 
 @compiled

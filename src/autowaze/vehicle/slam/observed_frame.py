@@ -21,6 +21,7 @@ class ObservedFrame:
         information: (N, 2) float64, inverse variance of u and v, and of the disparity (0 where it is far away or not
             known), px^-2.
         cell_start, in_cell: rows of the features by image cell, in compressed form.
+        cell_measured, cell_octave: `measured` and `octave` in that order, as the search of a window reads them.
         n_columns: cells per row of cells.
         moving: (N,) bool, features on things known to move.
     """
@@ -49,7 +50,9 @@ class ObservedFrame:
         column, row = (self.uv / CELL_PX).astype(np.int64).T
         cell = np.clip(row, 0, self.n_rows - 1) * self.n_columns + np.clip(column, 0, self.n_columns - 1)
         self.in_cell = np.argsort(cell, kind="stable")
-        self.cell_start = np.searchsorted(cell[self.in_cell], np.arange(self.n_columns * self.n_rows + 1))
+        count = np.bincount(cell, minlength=self.n_columns * self.n_rows)
+        self.cell_start = np.concatenate([np.zeros(1, np.int64), np.cumsum(count)])
+        self.cell_measured, self.cell_octave = self.measured[self.in_cell], self.octave[self.in_cell]
 
     def __len__(self) -> int:
         return len(self.features)

@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.vehicle.slam.reprojection import add_to_pose, in_camera, limit_of, residuals, told_of_point
-from autowaze.vehicle.slam.small_matrices import orthonormal, rotate_left, solve_positive
+from autowaze.vehicle.slam.small_matrices import orthonormal, rotate_left, solve_positive, turned
 from autowaze.vehicle.vision.compiled import compiled
 from autowaze.world.camera import StereoCamera
 from autowaze.world.pose import Pose, inverse, make_pose
 
 _ROUNDS, _ITERATIONS = 4, 10
 _ROBUST_ROUNDS = 2
+_REGULAR = 1e-9 * np.eye(6)
 _CONVERGED = 1e-4  # m and rad: a tenth of what the data can tell
 
 
@@ -81,8 +82,7 @@ def optimize_pose(
 
 def _covariance(H: NDArray[np.float64], R_map_cam: NDArray[np.float64]) -> NDArray[np.float64]:
     """From the information of a perturbation in the camera frame to position and rotation in the map frame."""
-    to_map = np.kron(np.eye(2), R_map_cam)
-    cov = to_map @ np.linalg.inv(H + 1e-9 * np.eye(6)) @ to_map.T
+    cov = turned(R_map_cam, np.linalg.inv(H + _REGULAR))
     return np.asarray(0.5 * (cov + cov.T))
 
 

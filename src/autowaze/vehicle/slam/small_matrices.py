@@ -65,9 +65,19 @@ def rotate_left(omega, M):  # type: ignore[no-untyped-def]
     return out
 
 
+_THRICE = 3.0 * np.eye(3)
+
+
 def orthonormal(R: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotations nearest to matrices (..., 3, 3) that rounding spoilt: one Newton step to the polar factor."""
-    return np.asarray(0.5 * R @ (3.0 * np.eye(3) - np.swapaxes(R, -1, -2) @ R))
+    return np.asarray(0.5 * R @ (_THRICE - np.swapaxes(R, -1, -2) @ R))
+
+
+def turned(R: NDArray[np.float64], covariance: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Covariance (6, 6) of position and rotation vector in the axes that a rotation (3, 3) takes its own to."""
+    both = np.zeros((6, 6))
+    both[:3, :3] = both[3:, 3:] = R
+    return np.asarray(both @ covariance @ both.T)
 
 
 def then(motion: Pose, T: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -186,7 +186,7 @@ def _spread_corners(places, strength, cell_px, quota):  # type: ignore[no-untype
         full += of_rank[last]
         last += 1
     remaining = quota - full
-    chosen = np.empty((min(quota, n), 2), np.int64)
+    chosen = np.empty(min(quota, n), np.int64)
     k = 0
     for i in range(n):
         if rank[i] > last or k == chosen.shape[0]:
@@ -195,10 +195,14 @@ def _spread_corners(places, strength, cell_px, quota):  # type: ignore[no-untype
             if remaining == 0:
                 continue
             remaining -= 1
-        place = order[i] & 0xFFFFFFFF
-        chosen[k, 0], chosen[k, 1] = place % width, place // width
+        chosen[k] = order[i] & 0xFFFFFFFF
         k += 1
-    return chosen[:k]
+    xy = np.empty((k, 2), np.int64)
+    # In reading order: patches that follow one another share rows that are still near.
+    in_reading_order = np.sort(chosen[:k])
+    for i in range(k):
+        xy[i, 0], xy[i, 1] = in_reading_order[i] % width, in_reading_order[i] // width
+    return xy
 
 
 @compiled

@@ -63,10 +63,9 @@ class OrbDetector:
     def describe(self, corners: Corners) -> Keypoints:
         """Orientation and descriptor of corners that `detect` found in the last image."""
         layout = self.pyramid.layout
-        angle, descriptor = _describe(
-            self.pyramid.block, self._blurred.block, layout.width, layout.offset, corners.xy, corners.octave,
-            _CIRCLE, self._taps,
-        )  # fmt: skip
+        where = layout.width, layout.offset, corners.xy, corners.octave
+        angle = _orientation(self.pyramid.block, *where, _CIRCLE)
+        descriptor = _descriptors(self._blurred.block, *where, angle, self._taps)
         uv = layout.to_image(corners.peak, corners.octave).astype(np.float32)
         return Keypoints(uv, corners.octave, angle, descriptor)
 
@@ -117,10 +116,10 @@ def _steered_pattern() -> NDArray[np.int8]:
     return np.asarray(np.rint(sampling_pattern().reshape(-1, 2) @ R.transpose(0, 2, 1)), dtype=np.int8)
 
 
-def _taps(layout: PyramidLayout) -> NDArray[np.int32]:
-    """The steered pattern as steps in the memory of each level, (L, steerings, 512)."""
-    dx, dy = _STEERED[None, :, :, 0].astype(np.int32), _STEERED[None, :, :, 1].astype(np.int32)
-    return np.ascontiguousarray(dy * layout.width.astype(np.int32)[:, None, None] + dx)
+def _taps(layout: PyramidLayout) -> NDArray[np.uint32]:
+    """The steered pattern as steps in the memory of each level from the patch's first pixel, (L, steerings, 512)."""
+    dx, dy = (_STEERED[None, :, :, i].astype(np.int64) + _PATTERN_RADIUS_PX for i in (0, 1))
+    return np.ascontiguousarray(dy * layout.width[:, None, None] + dx, dtype=np.uint32)
 
 
 def _circle() -> NDArray[np.int64]:
@@ -134,19 +133,16 @@ _CIRCLE = _circle()
 
 
 @compiled
-def _describe(block, blurred, width, offset, xy, octave, circle, taps):  # type: ignore[no-untyped-def]
-    """Orientations (N,) and descriptors (N, 32) of corners at level pixels (N, 2).
+def _orientation(block, width, offset, xy, octave, circle):  # type: ignore[no-untyped-def]
+    """Orientations (N,) float32 of corners at level pixels (N, 2), towards the centroid of intensity.
 
     Integers are narrowed by hand where the compiler would widen them: twice as many fit into a vector register.
     """
     n, radius = xy.shape[0], circle.shape[0] // 2
     angle = np.empty(n, np.float32)
-    descriptor = np.zeros((n, DESCRIPTOR_BYTES), np.uint8)
-    n_steerings = taps.shape[1]
     for i in range(n):
-        level = octave[i]
-        w = width[level]
-        centre = offset[level] + xy[i, 1] * w + xy[i, 0]
+        w = width[octave[i]]
+        centre = offset[octave[i]] + xy[i, 1] * w + xy[i, 0]
         moment_x, moment_y = np.int32(0), np.int32(0)
         for dy in range(-radius, radius + 1):
             half = circle[dy + radius]
@@ -159,14 +155,31 @@ def _describe(block, blurred, width, offset, xy, octave, circle, taps):  # type:
             moment_x = np.int32(moment_x + weighted - np.int32(half) * total)
             moment_y = np.int32(moment_y + np.int32(dy) * total)
         angle[i] = np.arctan2(np.float64(moment_y), np.float64(moment_x))
+    return angle
+
+
+@compiled
+def _descriptors(blurred, width, offset, xy, octave, angle, taps):  # type: ignore[no-untyped-def]
+    """Descriptors (N, 32) of corners at level pixels (N, 2).
+
+    Apart from the orientations: in one loop with them the compiler keeps neither in vector registers. Unsigned indices
+    need no test for the end, the sign of the difference no branch that would be foretold wrongly half of the time.
+    """
+    n, n_steerings = xy.shape[0], taps.shape[1]
+    descriptor = np.empty((n, DESCRIPTOR_BYTES), np.uint8)
+    one = np.uint64(1)
+    for i in range(n):
+        level = octave[i]
+        corner_y, corner_x = xy[i, 1] - _PATTERN_RADIUS_PX, xy[i, 0] - _PATTERN_RADIUS_PX
+        first = np.uint64(offset[level] + corner_y * width[level] + corner_x)
         steering = np.int64(np.rint(angle[i] * n_steerings / (2 * np.pi))) % n_steerings
         tap = taps[level, steering]
         for byte in range(DESCRIPTOR_BYTES):
-            bits = np.int64(0)
+            bits = np.uint32(0)
             for bit in range(8):
-                k = 2 * (8 * byte + bit)
-                # The sign of the difference: a comparison would be a branch that is foretold wrongly half of the time.
-                difference = np.int64(blurred[centre + tap[k]]) - np.int64(blurred[centre + tap[k + 1]])
-                bits |= (difference >> 63 & 1) << bit
+                k = np.uint64(16 * byte + 2 * bit)
+                a = np.int32(blurred[first + np.uint64(tap[k])])
+                b = np.int32(blurred[first + np.uint64(tap[k + one])])
+                bits |= np.uint32(np.uint32(np.int32(a - b)) >> np.uint32(31)) << np.uint32(bit)
             descriptor[i, byte] = bits
-    return angle, descriptor
+    return descriptor

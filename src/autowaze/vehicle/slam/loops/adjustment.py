@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from autowaze.vehicle.slam.bundle_adjustment import BundleProblem, adjust
+from autowaze.vehicle.slam.bundle_adjustment import COARSE, FINE, BundleProblem, adjust
 from autowaze.vehicle.slam.loops.place import Place
 from autowaze.vehicle.slam.loops.verification import Loop
 from autowaze.vehicle.slam.observed_frame import ObservedFrame
@@ -28,6 +28,7 @@ def adjust_places(
     settings: SlamSettings,
     n_held: int = 1,
     max_iterations: int = _ITERATIONS,
+    is_final: bool = True,
 ) -> NDArray[np.float64]:
     """Poses (N, 4, 4) of least reprojection error over all places that still have features.
 
@@ -39,6 +40,7 @@ def adjust_places(
         camera, settings: as the features were observed with.
         n_held: so many of the first places with features stay where they are.
         max_iterations: see `adjust`.
+        is_final: whether it should be adjusted to the last digits; what the next places will adjust again need not be.
     """
     seen = [k for k, place in enumerate(places) if len(place.features)]
     if len(seen) <= n_held + 1:
@@ -63,7 +65,7 @@ def adjust_places(
         weight=np.ones(len(chosen)),
     )
     out = T_map_cam.copy()
-    out[seen] = adjust(problem, camera, max_iterations).T_map_cam
+    out[seen] = adjust(problem, camera, max_iterations, FINE if is_final else COARSE).T_map_cam
     return out
 
 

@@ -23,7 +23,7 @@ from autowaze.vehicle.slam.loops.place import Place, remembered
 from autowaze.vehicle.slam.loops.pose_graph import GraphSolution, RelativePoses, optimize_graph
 from autowaze.vehicle.slam.loops.verification import Loop
 from autowaze.vehicle.slam.settings import SlamSettings
-from autowaze.vehicle.slam.small_matrices import then
+from autowaze.vehicle.slam.small_matrices import then, turned
 from autowaze.world.camera import StereoCamera
 from autowaze.world.pose import Pose, inverse, make_pose, so3_exp, so3_log
 
@@ -142,8 +142,7 @@ class LoopCloser:
             before = self._last_place
             T_before = inverse(before) @ keyframe.T_map_cam
             path_m = self.places[-1].path_m + float(np.linalg.norm(T_before[:3, 3]))
-            to_before = np.kron(np.eye(2), before[:3, :3].T)
-            covariance = to_before @ self._since @ to_before.T
+            covariance = turned(before[:3, :3].T, self._since)
         self._since = np.zeros((6, 6))
         seen = remembered(keyframe, landmarks, s.features_per_place)
         self._last_place = T = keyframe.T_map_cam.copy()

@@ -44,7 +44,9 @@ class LookingBack:
             return len(places), T[:0], self._search(places, T, first)
         start = max(len(places) - s.n_window, 0)
         n_held = s.n_held if start else 1
-        window = adjust_places(places[start:], T[start:], [], self.camera, self.settings, n_held, s.window_iterations)
+        window = adjust_places(
+            places[start:], T[start:], [], self.camera, self.settings, n_held, s.window_iterations, is_final=False
+        )
         # The last ones are held from one side only: they follow, as the odometry has them.
         firm = max(len(window) - s.n_loose, 1)
         window[firm:] = window[firm - 1] @ inverse(T[start + firm - 1]) @ T[start + firm :]

@@ -100,7 +100,7 @@ def test_a_snapshot_is_of_the_time_it_was_asked_for():
 
 def test_packing_takes_its_time_until_it_is_given_up():
     until = threading.Event()
-    parts = packed_parts({"rows": [np.random.default_rng(row).bytes(1000) for row in range(1000)]}, until)
+    parts = packed_parts({"rows": [np.random.default_rng(row).bytes(1000) for row in range(10_000)]}, until)
     next(parts)
     until.set()
     with pytest.raises(GivenUpError):

@@ -28,7 +28,7 @@ _DEPTH, _FEW = 5, 64
 """How far down containers are taken apart, and lists as short as this are not."""
 PART_BYTES = 1 << 17
 """Diffs wait while one is packed or written."""
-_AWAKE_S, _RESTS = 0.001, 4.0
+_AWAKE_S, _RESTS = 0.005, 9.0
 
 Kept = dict[str, Any]
 
@@ -51,7 +51,7 @@ def packed_parts(kept: Kept, until: threading.Event | None = None) -> Iterator[b
 
     Args:
         kept: what parts of a service hold, by name.
-        until: with this it rests four times as long as it works, so that a busy service goes on beside it; and gives
+        until: with this it rests nine times as long as it works, so that a busy service goes on beside it; and gives
             up when it is set.
 
     Raises:

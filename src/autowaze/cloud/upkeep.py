@@ -16,8 +16,8 @@ from autowaze.world.errors import AutowazeError
 
 DAY_S = 86_400.0
 DIFFS_DAYS, HISTORY_DAYS = 7.0, 90.0
-SNAPSHOT_DIFFS = 30_000
-"""Diffs after which a new process would replay for too long, a minute and a half."""
+SNAPSHOT_DIFFS = 60_000
+"""Diffs after which a new process would replay for too long, two and a half minutes."""
 SNAPSHOT_S = 3600.0
 """A service with little to do is kept after this time, if anything changed."""
 PAUSE_S = 30.0

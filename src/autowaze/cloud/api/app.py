@@ -23,7 +23,7 @@ from autowaze.cloud.api.features import feature_routes
 from autowaze.cloud.api.fleet import FleetFeed, fleet_routes
 from autowaze.cloud.api.guard import Guard
 from autowaze.cloud.api.history import SpotHistory, history_routes
-from autowaze.cloud.api.ingest import DiffCounter, DiffsFirst, ingest_routes
+from autowaze.cloud.api.ingest import DiffCounter, ingest_routes
 from autowaze.cloud.api.ingest_socket import ingest_socket_routes
 from autowaze.cloud.api.intake import Intake
 from autowaze.cloud.api.map_points import map_point_routes
@@ -121,7 +121,7 @@ def create_app(
 
     app = FastAPI(title="Autowaze", version=__version__, lifespan=lifespan, docs_url=None, redoc_url=None)
     app.state.listeners = (feed.listeners, fleet_feed.listeners)
-    counter = DiffCounter(intake, guard, meters)
+    app.state.counter = counter = DiffCounter(intake, guard, meters)
     app.include_router(ingest_routes(counter))
     app.include_router(ingest_socket_routes(desk, guard))
     for of_map in (map_routes(intake), map_point_routes(intake, parking_map.georeference)):
@@ -144,15 +144,14 @@ def create_app(
     ):
         app.include_router(of_operation)
     answer_with_problems(app)
-    _wrap(app, origins, counter)
+    _wrap(app, origins)
     return app
 
 
-def _wrap(app: FastAPI, origins: Sequence[str], counter: DiffCounter) -> None:
+def _wrap(app: FastAPI, origins: Sequence[str]) -> None:
     """What requests and answers pass through; the last one is the outermost."""
     app.add_middleware(
         CORSMiddleware, allow_origins=origins, allow_methods=["GET"], allow_headers=["*"], max_age=HOUR_S
     )
     app.add_middleware(SecurityHeaders)
     app.add_middleware(GZipMiddleware, PACKED_FROM_BYTES, PACKING_LEVEL, exclude_content_types=_PACKED_ALREADY)
-    app.add_middleware(DiffsFirst, counter)

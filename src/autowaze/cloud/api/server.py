@@ -13,6 +13,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from autowaze.cloud.api.connections import BoundedProtocol
+from autowaze.cloud.api.ingest import DiffsFirst
 from autowaze.world.errors import AutowazeError
 from autowaze.world.wire import MAX_MESSAGE_BYTES
 
@@ -53,7 +54,7 @@ class WebServer(uvicorn.Server):
             raise AutowazeError("TLS needs both --certificate and --key")
         super().__init__(
             uvicorn.Config(
-                app,
+                DiffsFirst(app, app.state.counter),
                 ssl_certfile=certificate,
                 ssl_keyfile=key,
                 http=BoundedProtocol,

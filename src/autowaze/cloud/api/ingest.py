@@ -87,7 +87,7 @@ class DiffCounter:
 
 
 class DiffsFirst:
-    """Answers cars before framework, routing, validation and compression begin, which together cost more than the answer.
+    """Answers cars before framework, routing, validation and compression begin, which together cost more than that.
 
     What comes from a web page goes the whole way: it needs the headers of CORS.
     """

@@ -20,8 +20,8 @@ from autowaze.world.parking import SpotState
 
 MOST_WAITING = 512
 """Diffs that wait to be taken in, 2.5 s at 200 a second; the next one is told to come again."""
-MOST_AT_ONCE = 64
-"""Diffs that share a commit."""
+MOST_AT_ONCE = 8
+"""Diffs that share a commit: more together cost no less each, and who came first would wait for the last."""
 PROBE_S = 1.0
 """How often a store that does not answer is asked again while nobody hands anything in."""
 

@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from autowaze.vehicle.vision.extractor import FeatureExtractor
 from autowaze.vehicle.vision.orb import Keypoints, OrbDetector, level_quota, sampling_pattern
@@ -30,8 +31,13 @@ def _texture(width: int = 900, height: int = 240, seed: int = 1) -> Image:
 
 def _wall(disparity_px: float) -> StereoFrame:
     """A textured wall that fills the view at one disparity."""
+    return _surface(np.full(240, disparity_px))
+
+
+def _surface(disparity_px: NDArray[np.float64]) -> StereoFrame:
+    """A textured surface with one disparity in each row (240,)."""
     texture = _texture()
-    phase = np.exp(2j * np.pi * disparity_px * np.fft.rfftfreq(900))  # exact, which interpolation would not be
+    phase = np.exp(2j * np.pi * disparity_px[:, None] * np.fft.rfftfreq(900))  # exact, which interpolation would not be
     right = np.rint(np.clip(np.fft.irfft(np.fft.rfft(texture, axis=1) * phase, n=900, axis=1), 0, 255))
     return StereoFrame(0, 0.0, texture[:, 100:740].copy(), right[:, 100:740].astype(np.uint8))
 
@@ -51,6 +57,16 @@ def test_a_wall_has_one_depth(extractor: FeatureExtractor, disparity_px: float) 
     assert np.percentile(np.abs(measured - disparity_px), 90) < 0.2
     np.testing.assert_allclose(matched.depth, CAMERA.bf / measured, rtol=1e-5)
     np.testing.assert_allclose(CAMERA.project(matched.position_cam)[:, :2], matched.uv, atol=1e-2)
+
+
+def test_the_road_is_no_wall(extractor: FeatureExtractor) -> None:
+    """Its disparity changes by 0.3 from row to row, by 3 over a patch."""
+    features = extractor.extract(_surface(18.0 + 0.3 * np.arange(240)))
+    matched = features[features.has_depth & (features.uv[:, 1] > 40) & (features.octave < 4)]
+    error = matched.uv[:, 0] - matched.u_right - (18.0 + 0.3 * matched.uv[:, 1])
+    assert len(matched) > 250
+    assert np.median(error) == pytest.approx(0.0, abs=0.03)
+    assert np.percentile(np.abs(error), 75) < 0.18  # 0.28 where patches are taken for upright
 
 
 def test_a_slightly_darker_right_camera_sees_the_same_depth(extractor: FeatureExtractor) -> None:

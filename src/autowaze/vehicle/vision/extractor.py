@@ -10,7 +10,7 @@ from autowaze.vehicle.vision.corners import Corners
 from autowaze.vehicle.vision.orb import OrbDetector
 from autowaze.vehicle.vision.pyramid import Pyramid, PyramidLayout
 from autowaze.vehicle.vision.settings import VisionSettings
-from autowaze.vehicle.vision.stereo import match_stereo
+from autowaze.vehicle.vision.stereo import NEAR_BASELINES, match_stereo
 from autowaze.world.camera import StereoCamera
 from autowaze.world.features import CameraFeatures
 from autowaze.world.frame import StereoFrame
@@ -39,7 +39,8 @@ class FeatureExtractor:
     def _features_of(self, corners: Corners) -> CameraFeatures:
         keypoints = self._left.describe(corners)
         limits = self.settings.min_disparity_px, self.camera.bf / self.settings.min_depth_m
-        disparity = match_stereo(corners, self._left.pyramid, self._right, *limits)
+        near_px = self.camera.fx / NEAR_BASELINES
+        disparity = match_stereo(corners, self._left.pyramid, self._right, *limits, near_px)
         depth = (self.camera.bf / disparity).astype(np.float32)
         return CameraFeatures(
             uv=keypoints.uv,

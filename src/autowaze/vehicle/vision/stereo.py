@@ -4,6 +4,11 @@ The right image needs no features of its own. Sums over all columns of a row are
 partner for nine of ten features, where matching against detected corners finds six or seven. Two lines of equal slope
 through the least sum and its neighbours give the fraction of a pixel; a parabola would lean to whole pixels
 (Shimizu & Okutomi 2005, "Sub-pixel estimation error cancellation on area-based matching").
+
+All that takes a patch for a piece of a wall that faces the camera. On the road the disparity changes from row to row, by
+the baseline over the camera's height, 0.3 pixels; and what is nearest, which tells how far the car has come, is mostly
+road. There the disparity and its change per row are found together, by Gauss-Newton on the squared differences (Lucas &
+Kanade 1981).
 """
 
 from __future__ import annotations
@@ -21,11 +26,19 @@ _HALF_WINDOW_PX = 5  # 11 x 11, on the level of the feature
 _RATIO = 0.9  # of the least sum to the least one elsewhere on the row
 _ELSEWHERE_PX = 3
 _MAX_COST = 0.5  # of the least sum to the patch's own contrast: an absolute limit would drop high contrast, the best
+NEAR_BASELINES = 25.0  # what lies farther tells directions, not distances
+_LEAST_SLANT = 0.1  # change of the disparity per row: below it a patch is as good as upright
+_SLANT_ROUNDS, _MOST_CHANGE_PX = 2, 1.5
 _REGISTER = 32  # sums of 16 bits in the widest vector register
 
 
 def match_stereo(
-    corners: Corners, left: Pyramid, right: Pyramid, min_disparity_px: float, max_disparity_px: float
+    corners: Corners,
+    left: Pyramid,
+    right: Pyramid,
+    min_disparity_px: float,
+    max_disparity_px: float,
+    near_px: float = np.inf,
 ) -> NDArray[np.float32]:
     """Disparity u_left - u_right of each corner in pixels of the image, (N,) float32; NaN where none is certain.
 
@@ -33,11 +46,16 @@ def match_stereo(
         corners: of the left image.
         left, right: scale pyramids of the rectified images.
         min_disparity_px, max_disparity_px: range that counts.
+        near_px: from this disparity on surfaces may be slanted.
     """
     layout = left.layout
     disparity = _match(
         corners.xy, corners.octave, left.block, right.block, layout.width, layout.offset,
         max_disparity_px / layout.pixel[:, 0],
+    )  # fmt: skip
+    _follow_slant(
+        corners.xy, corners.octave, left.block, right.block, layout.width, layout.offset,
+        near_px / layout.pixel[:, 0], disparity,
     )  # fmt: skip
     disparity *= layout.pixel[corners.octave, 0]
     disparity[~((disparity >= min_disparity_px) & (disparity <= max_disparity_px))] = np.nan
@@ -65,6 +83,58 @@ def _match(xy, octave, left, right, width, offset, max_disparity):  # type: igno
             fraction = 0.5 * (before - after) / slope if slope > 0.0 else 0.0
             disparity[i] = x - (first + best + fraction)
     return disparity
+
+
+@compiled
+def _follow_slant(xy, octave, left, right, width, offset, least, disparity):  # type: ignore[no-untyped-def]
+    """Mend, in place, disparities (N,) in level pixels, from the least one (L,) on, of patches that are slanted."""
+    for i in range(xy.shape[0]):
+        if not disparity[i] >= least[octave[i]]:  # nor where it is not known
+            continue
+        w = width[octave[i]]
+        x, row = xy[i, 0], offset[octave[i]] + xy[i, 1] * w
+        d, slant = disparity[i], 0.0
+        for _ in range(_SLANT_ROUNDS):
+            gradient_d, gradient_s, dd, ds, ss = 0.0, 0.0, 0.0, 0.0, 0.0
+            is_inside: Any = True
+            for dy in range(-_HALF_WINDOW_PX, _HALF_WINDOW_PX + 1):
+                place = np.int64(np.floor(256.0 * (x - d - slant * dy) + 0.5))
+                column = place >> 8
+                is_inside = is_inside and column >= _HALF_WINDOW_PX and column + _HALF_WINDOW_PX + 1 < w
+                if is_inside:
+                    start = row + dy * w - _HALF_WINDOW_PX
+                    told, weight = _row_told(left, start + x, right, start + column, np.int32(place & 255))
+                    gradient_d += told
+                    gradient_s += told * dy
+                    dd += weight
+                    ds += weight * dy
+                    ss += weight * dy * dy
+            determinant = dd * ss - ds * ds
+            if not is_inside or not determinant > 1e-6 * dd * ss:
+                slant = 0.0
+                break
+            d += (ss * gradient_d - ds * gradient_s) / determinant
+            slant += (dd * gradient_s - ds * gradient_d) / determinant
+        if abs(slant) > _LEAST_SLANT and abs(d - disparity[i]) < _MOST_CHANGE_PX:
+            disparity[i] = d
+
+
+@compiled
+def _row_told(left, a, right, b, fraction):  # type: ignore[no-untyped-def]
+    """Products of the gradient from `a` on with the differences to what lies `fraction` / 256 behind `b`, and squares.
+
+    Summed as integers, which vector registers do exactly and in any order.
+    """
+    told, weight, rest = np.int32(0), np.int32(0), np.int32(256 - fraction)
+    before, there = np.uint64(a - 1), np.uint64(b)  # unsigned indices need no test for the end
+    for i in range(2 * _HALF_WINDOW_PX + 1):
+        k = np.uint64(i)
+        here = np.int32(np.int32(left[before + k + np.uint64(1)]) << np.int32(8))
+        gradient = np.int32(np.int32(left[before + k + np.uint64(2)]) - np.int32(left[before + k]))
+        other = np.int32(rest * np.int32(right[there + k]) + fraction * np.int32(right[there + k + np.uint64(1)]))
+        told = np.int32(told + np.int32(gradient * np.int32(other - here)))
+        weight = np.int32(weight + np.int32(gradient * gradient))
+    return told / 128.0, np.float64(weight)
 
 
 @compiled

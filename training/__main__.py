@@ -31,6 +31,7 @@ def _parser() -> argparse.ArgumentParser:
     train.add_argument("--data", type=Path, default=_DATA)
     train.add_argument("--run", type=Path, required=True, help="folder of checkpoint, log and exported model")
     train.add_argument("--steps", type=int, default=6000, help="batches in all")
+    train.add_argument("--minutes", type=float, help="by the clock, in place of --steps")
     train.add_argument("--batch", type=int, default=8)
     train.add_argument("--lr", type=float, default=3e-3, help="highest learning rate")
     train.add_argument("--start-from", type=Path, help="an exported model to begin with, such as the bundled one")
@@ -80,6 +81,7 @@ def main() -> None:
                 seed=args.seed,
                 device=args.device,
                 workers=args.workers,
+                minutes=args.minutes,
             )
         )
     elif args.command == "evaluate":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from autowaze.vehicle.semantics.box_votes import CLASSES
+from autowaze.vehicle.semantics.cell_links import CLASSES
 from autowaze.world.labels import ClassLabel
 
 _CLASS_NAMES = {

@@ -18,6 +18,10 @@ _MIN_AREA = 14
 """Pixels of the output from which an instance counts; what is smaller is neither demanded nor forbidden."""
 _FOCUS = 0.7
 """Share of the crops that are centred on an instance."""
+_LARGE = 900
+"""Pixels of the picture from which an instance is looked at more often."""
+_LINKED_AREA, _OTHERS = 100, 0.4
+"""Pixels of the output below which links within and between instances weigh less; how much those of no vehicles do."""
 _CROWDED = 2.0
 """How much more the votes of an instance weigh the more its box overlaps another's: those are told apart by little."""
 
@@ -40,7 +44,8 @@ def crop(
         present = np.unique(ids[::6, ::6])
         present = present[present > 0]
         if len(present):
-            interest = np.where(CLASS_OF_LABEL[labels[present]] == 1, 4.0, 1.0)
+            area = 9 * np.bincount(ids[::3, ::3].ravel(), minlength=256)[present]
+            interest = np.where(CLASS_OF_LABEL[labels[present]] == 1, 4.0, 1.0) * np.where(area > _LARGE, 3.0, 1.0)
             ys, xs = np.nonzero(ids == rng.choice(present, p=interest / interest.sum()))
             middle = np.array([xs.mean(), ys.mean()]) + rng.normal(0, 1, 2) * [0.25 * w, 0.2 * h]
     x0 = int(np.clip(middle[0] - w / 2, 0, width - w))
@@ -62,7 +67,7 @@ def crop(
 
 def targets(
     ids: NDArray[np.uint8], labels: NDArray[np.uint8]
-) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32]]:
+) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8], NDArray[np.float32]]:
     """What the network should say of a crop.
 
     Returns:
@@ -70,6 +75,8 @@ def targets(
         boxes: (h, w, 4) float32, left, top, right, bottom of the visible part of the pixel's instance in crop pixels.
         weight: (h, w) float32, of the pixel's vote: the same in sum for instances of any size, up to a root, and more
             for instances whose boxes overlap.
+        owner: (h, w) uint8, number of the cell's instance.
+        bond: (h, w) float32, weight of the cell's links, 0 where nothing is demanded.
     """
     small = ids[1::2, 1::2]
     classes = CLASS_OF_LABEL[labels[small]]
@@ -88,7 +95,9 @@ def targets(
     too_small = (area < _MIN_AREA) & (np.arange(256) > 0)
     classes = np.where(too_small[small], np.uint8(IGNORED), classes)
     votes = weight.astype(np.float32)[small] * (classes > 0) * (classes != IGNORED)
-    return classes.astype(np.uint8), table[small], votes.astype(np.float32)
+    bond = weight * np.clip(area / _LINKED_AREA, 0.2, 1.0) * np.where(CLASS_OF_LABEL[labels] == 1, 1.0, _OTHERS)
+    bonds = bond.astype(np.float32)[small] * (classes > 0) * (classes != IGNORED)
+    return classes.astype(np.uint8), table[small], votes.astype(np.float32), small, bonds.astype(np.float32)
 
 
 def _crowding(boxes: NDArray[np.float32], counts: NDArray[np.bool_]) -> NDArray[np.float32]:

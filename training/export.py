@@ -11,7 +11,7 @@ import onnx
 import torch
 from onnx import TensorProto, helper, numpy_helper
 
-from training.network import STRIDE, Conv, Network
+from training.network import SHOWN, STRIDE, Conv, Network
 
 _OPSET = 17
 
@@ -27,8 +27,8 @@ def export(network: Network, path: Path) -> None:
             (torch.zeros(1, 1, 2 * STRIDE, 2 * STRIDE),),
             str(partial),
             input_names=["image"],
-            output_names=["votes"],
-            dynamic_axes={"image": {2: "height", 3: "width"}, "votes": {2: "rows", 3: "columns"}},
+            output_names=["cells"],
+            dynamic_axes={"image": {2: "height", 3: "width"}, "cells": {2: "rows", 3: "columns"}},
             opset_version=_OPSET,
             dynamo=False,
         )
@@ -40,12 +40,17 @@ def export(network: Network, path: Path) -> None:
 
 
 def _folded(network: Network) -> Network:
-    """A copy for inference without normalisation layers."""
+    """A copy for inference without normalisation layers and votes."""
     network = copy.deepcopy(network).cpu().to(memory_format=torch.contiguous_format).eval()
     for module in network.modules():
         if isinstance(module, Conv):
             module.conv = torch.nn.utils.fusion.fuse_conv_bn_eval(module.conv, module.norm)
             module.norm = torch.nn.Identity()  # type: ignore[assignment]
+    shown = torch.nn.Conv2d(network.out.in_channels, 4 * SHOWN, 1)
+    with torch.no_grad():
+        shown.weight.copy_(network.out.weight[: 4 * SHOWN])
+        shown.bias.copy_(network.out.bias[: 4 * SHOWN])  # type: ignore[union-attr,index]
+    network.out = shown
     return network
 
 
@@ -68,7 +73,7 @@ def load_exported(network: Network, path: Path, images: torch.Tensor) -> None:
     """Give a network the weights of an exported model, so that training goes on from there.
 
     Normalisation was folded away: each layer's is set to what its convolution now puts out on `images`
-    (N, 1, H, W), with scale and shift that leave the layer as it was.
+    (N, 1, H, W), with scale and shift that leave the layer as it was. Votes are not exported; they begin anew.
     """
     weights = {}
     for tensor in onnx.load(str(path)).graph.initializer:
@@ -78,8 +83,10 @@ def load_exported(network: Network, path: Path, images: torch.Tensor) -> None:
         if isinstance(module, Conv):
             module.conv.weight.copy_(weights[f"{name}.conv.weight"])
             hooks.append(module.norm.register_forward_pre_hook(_measuring(weights[f"{name}.conv.bias"])))
-    network.out.weight.copy_(weights["out.weight"])
-    network.out.bias.copy_(weights["out.bias"])
+    for name in ("out", "link"):
+        head, rows = getattr(network, name), len(weights[f"{name}.bias"])
+        head.weight[:rows] = weights[f"{name}.weight"]
+        head.bias[:rows] = weights[f"{name}.bias"]
     network.eval()(images)
     network.train()
     for hook in hooks:

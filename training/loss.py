@@ -5,26 +5,36 @@ from __future__ import annotations
 import torch
 from torch.nn import functional
 
-from autowaze.vehicle.semantics.box_votes import CLASSES, DISTANCE_UNIT, OUTPUT_STRIDE
+from autowaze.vehicle.semantics.cell_links import LINKS, OUTPUT_STRIDE
 from training.crops import IGNORED
+from training.network import DISTANCE_UNIT, SHOWN, VOTED
 
-_N = 1 + len(CLASSES)
 _CLASS_WEIGHTS = torch.tensor([1.0, 1.0, 1.2, 1.2, 1.5])
 _SEAM_WEIGHT = 1.5
+_APART = (7.0, 7.0, 4.0, 4.0, 2.5, 2.5, 2.5, 2.5, 1.5, 1.5)
+"""How much more a pair of cells of different instances weighs, by link: the nearer, the rarer they are."""
+_RIM = 0.3
+"""How much a pair weighs of which one cell is background."""
 
 
 def losses(
-    output: torch.Tensor, classes: torch.Tensor, boxes: torch.Tensor, weight: torch.Tensor
+    output: torch.Tensor,
+    classes: torch.Tensor,
+    boxes: torch.Tensor,
+    weight: torch.Tensor,
+    owner: torch.Tensor,
+    bond: torch.Tensor,
 ) -> dict[str, torch.Tensor]:
     """Loss terms by name, each a scalar.
 
     Args:
-        output: (N, 2 + C + 4, h, w) float32.
-        classes, boxes, weight: targets of `crops.targets`, stacked.
+        output: (N, 20, h, w) float32, of `Network`.
+        classes, boxes, weight, owner, bond: targets of `crops.targets`, stacked.
     """
     return {
-        "class": _class_loss(output[:, :_N], classes, weight),
-        **_vote_losses(output[:, _N:], boxes, weight),
+        "class": _class_loss(output[:, :SHOWN], classes, weight),
+        **_vote_losses(output[:, SHOWN : SHOWN + VOTED], boxes, weight),
+        **_link_losses(output[:, SHOWN + VOTED :], owner, classes, bond),
     }
 
 
@@ -69,3 +79,30 @@ def _overlaps(a: torch.Tensor, b: torch.Tensor) -> tuple[torch.Tensor, torch.Ten
     hull = (torch.maximum(a[:, 2:], b[:, 2:]) - torch.minimum(a[:, :2], b[:, :2])).prod(1)
     iou = both / union.clamp(min=1e-3)
     return iou, iou - (hull - union) / hull.clamp(min=1e-3)
+
+
+def _link_losses(
+    logits: torch.Tensor, owner: torch.Tensor, classes: torch.Tensor, bond: torch.Tensor
+) -> dict[str, torch.Tensor]:
+    """Whether cells so far apart are of one instance: cross-entropy, and the overlap (dice) of what is apart."""
+    h, w = owner.shape[1:]
+    known = classes != IGNORED
+    inside = known & (classes > 0)
+    bond = bond.clamp(max=4.0)
+    entropy, dice = logits.new_zeros(()), logits.new_zeros(())
+    for channel, (dx, dy) in enumerate(LINKS):
+        a = (slice(None), slice(0, h - dy), slice(max(-dx, 0), w - max(dx, 0)))
+        b = (slice(None), slice(dy, h), slice(max(dx, 0), w + min(dx, 0)))
+        logit = logits[:, channel][a]
+        alike = (owner[a] == owner[b]).float()
+        both = inside[a] & inside[b]
+        rim = (inside[a] ^ inside[b]) & known[a] & known[b]
+        importance = torch.maximum(bond[a], bond[b]) * (both + _RIM * rim)
+        importance = importance * torch.where(alike > 0, 1.0, _APART[channel])
+        each = functional.binary_cross_entropy_with_logits(logit, alike, reduction="none")
+        entropy = entropy + (importance * each).sum() / importance.sum().clamp(min=1.0)
+        plain = torch.maximum(bond[a], bond[b]) * both
+        apart = torch.sigmoid(-logit) * plain
+        true = (1 - alike) * plain
+        dice = dice + 1 - (2 * (apart * (1 - alike)).sum() + 1) / (apart.sum() + true.sum() + 1)
+    return {"link": 2.0 * entropy / len(LINKS), "seam": dice / len(LINKS)}

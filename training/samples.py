@@ -13,6 +13,10 @@ from torch.utils.data import IterableDataset, get_worker_info
 
 from training.crops import crop, normalised, targets
 from training.hardening import hardened
+from training.rows import with_rows
+
+_ROWS = 0.3
+"""Share of the crops into which vehicles of the one before are put."""
 
 
 class Samples(IterableDataset):  # type: ignore[type-arg]
@@ -34,16 +38,21 @@ class Samples(IterableDataset):  # type: ignore[type-arg]
         cv2.setNumThreads(1)
         rng = np.random.default_rng([self._seed, worker.id if worker else 0])
         number = self._first
+        before = None
         while True:
             # the folder may still be growing
             streets = sorted(self._folder.glob("street-*.npz"))
             for grey, ids, labels in _shuffled(streets, rng):
                 for _ in range(2):
                     image, crop_ids = crop(grey, ids, labels, rng)
+                    own, own_labels = (image, crop_ids, labels), labels
+                    if before is not None and rng.random() < _ROWS:
+                        image, crop_ids, own_labels = with_rows(image, crop_ids, labels, before, rng)
+                    before = own
                     hardness = self._hardness * min(1.0, number / max(self._hard_from, 1))
                     image, crop_ids = hardened(image, crop_ids, rng, hardness)
                     number += 1
-                    sample = normalised(image)[None], *targets(crop_ids, labels)
+                    sample = normalised(image)[None], *targets(crop_ids, own_labels)
                     yield tuple(torch.from_numpy(array) for array in sample)
 
 

@@ -6,7 +6,7 @@ import json
 import shutil
 from pathlib import Path
 
-from autowaze.vehicle.semantics.box_votes import CLASSES
+from autowaze.vehicle.semantics.cell_links import CLASSES
 from autowaze.vehicle.semantics.model_store import bundled_model
 
 _MAX_BYTES = 6_000_000
@@ -21,7 +21,7 @@ def ship(model: Path) -> None:
     target.parent.mkdir(exist_ok=True)
     shutil.copyfile(model, target)
     config = {
-        "layout": "box-votes",
+        "layout": "cell-links",
         "class_names": dict(enumerate(CLASSES)),
         "licence": "Apache-2.0",
     }

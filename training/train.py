@@ -42,6 +42,7 @@ class Plan:
         processes: of one thread each. On small machines that is faster than as many threads in one process.
         device: "cpu", or "cuda" for one process on a GPU.
         workers: processes that make crops, for each process that trains.
+        minutes: by the clock, over which the learning rate's cycle is spread in place of `steps`; None for steps.
     """
 
     data: Path
@@ -55,6 +56,7 @@ class Plan:
     seed: int = 0
     device: str = "cpu"
     workers: int = 1
+    minutes: float | None = None
 
 
 def train(plan: Plan) -> None:
@@ -93,25 +95,30 @@ def _work(rank: int, plan: Plan, meeting: str) -> None:
         network.load_state_dict(state["network"])
         averaged.load_state_dict(state["averaged"])
         optimizer.load_state_dict(state["optimizer"])
+    spent = state["spent"] if state else 0.0
     start, sums = time.monotonic(), dict[str, float]()
     for step in range(done, plan.steps):
         for group in optimizer.param_groups:
-            group["lr"] = plan.lr * _schedule(step, plan.steps)
+            share = (spent + time.monotonic() - start) / (60 * plan.minutes) if plan.minutes else step / plan.steps
+            group["lr"] = plan.lr * _schedule(step, share)
         for name, value in _step(network, optimizer, next(loader)).items():
             sums[name] = sums.get(name, 0.0) + value
         if (step + 1) % _AVERAGE_EVERY == 0:
             _agree(network, plan.processes)
             rounds = (step + 1) // _AVERAGE_EVERY
             _average(averaged, network, min(_EMA, (1 + rounds) / (10 + rounds)))
-        if rank == 0 and ((step + 1) % _SAVE_EVERY == 0 or step + 1 == plan.steps):
+        last = share >= 1.0 or step + 1 == plan.steps
+        if rank == 0 and ((step + 1) % _SAVE_EVERY == 0 or last):
             means = " ".join(f"{name} {value / _SAVE_EVERY:.3f}" for name, value in sums.items())
             line = f"step {step + 1} {time.monotonic() - start:.0f} s {means}"
             print(line, flush=True)
             with (plan.run / "log.txt").open("a") as log:
                 log.write(line + "\n")
             sums = {}
-            _save(checkpoint, network, averaged, optimizer, step + 1)
+            _save(checkpoint, network, averaged, optimizer, step + 1, spent + time.monotonic() - start)
             export(averaged, plan.run / "model.onnx")
+        if last:
+            break
 
 
 @torch.no_grad()
@@ -131,18 +138,18 @@ def _groups(network: Network) -> list[dict[str, object]]:
     return [{"params": decayed, "weight_decay": _WEIGHT_DECAY}, {"params": plain, "weight_decay": 0.0}]
 
 
-def _schedule(step: int, steps: int) -> float:
+def _schedule(step: int, share: float) -> float:
     """Share of the highest learning rate: up in a line, down along a cosine."""
     warm = min(1.0, (step + 1) / _WARM_UP)
-    return warm * (_LAST_SHARE + (1 - _LAST_SHARE) * 0.5 * (1 + math.cos(math.pi * step / steps)))
+    return warm * (_LAST_SHARE + (1 - _LAST_SHARE) * 0.5 * (1 + math.cos(math.pi * min(share, 1.0))))
 
 
 def _step(network: Network, optimizer: torch.optim.Optimizer, sample: tuple[torch.Tensor, ...]) -> dict[str, float]:
     device = next(network.parameters()).device
-    image, classes, boxes, weight = (tensor.to(device) for tensor in sample)
+    image, classes, boxes, weight, owner, bond = (tensor.to(device) for tensor in sample)
     with torch.autocast(device.type, torch.bfloat16):
         output = network(image.contiguous(memory_format=torch.channels_last))
-    terms = losses(output.float(), classes, boxes, weight)
+    terms = losses(output.float(), classes, boxes, weight, owner, bond)
     optimizer.zero_grad(set_to_none=True)
     sum(terms.values()).backward()  # type: ignore[union-attr]
     torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
@@ -159,8 +166,11 @@ def _average(averaged: Network, network: Network, decay: float) -> None:
             mean.copy_(now)
 
 
-def _save(path: Path, network: Network, averaged: Network, optimizer: torch.optim.Optimizer, step: int) -> None:
+def _save(
+    path: Path, network: Network, averaged: Network, optimizer: torch.optim.Optimizer, step: int, spent: float
+) -> None:
     state = {
+        "spent": spent,
         "network": network.state_dict(),
         "averaged": averaged.state_dict(),
         "optimizer": optimizer.state_dict(),

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from autowaze.world.errors import ModelError
 
 Layout = Literal[
-    "box-votes", "yolo-seg", "torchvision-mask-rcnn", "detectron2-mask-rcnn", "onnx-zoo-mask-rcnn", "rf-detr-seg"
+    "cell-links", "yolo-seg", "torchvision-mask-rcnn", "detectron2-mask-rcnn", "onnx-zoo-mask-rcnn", "rf-detr-seg"
 ]
 
 

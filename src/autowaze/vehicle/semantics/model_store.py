@@ -58,7 +58,7 @@ def published_models() -> tuple[PublishedModel, ...]:
 
 def bundled_model() -> Path:
     """The model that comes with the package (docs/model-card.md)."""
-    return Path(str(files("autowaze.vehicle.semantics") / "bundled" / "street-votes.onnx"))
+    return Path(str(files("autowaze.vehicle.semantics") / "bundled" / "street-cells.onnx"))
 
 
 def default_folder() -> Path:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Protocol
 
-from autowaze.vehicle.semantics.box_votes import BoxVotes
+from autowaze.vehicle.semantics.cell_links import CellLinks
 from autowaze.vehicle.semantics.mask_rcnn import Detectron2MaskRcnn, OnnxZooMaskRcnn, TorchvisionMaskRcnn
 from autowaze.vehicle.semantics.model_config import ModelConfig
 from autowaze.vehicle.semantics.model_store import BUNDLED, ModelStore, bundled_model
@@ -28,8 +28,8 @@ class Segmenter(Protocol):
         """Confident instances of one image, boxes and masks at its full size, most confident first."""
 
 
-_LAYOUTS: dict[str, type[BoxVotes] | type[YoloSeg] | type[RfDetrSeg] | type[TorchvisionMaskRcnn]] = {
-    "box-votes": BoxVotes,
+_LAYOUTS: dict[str, type[CellLinks] | type[YoloSeg] | type[RfDetrSeg] | type[TorchvisionMaskRcnn]] = {
+    "cell-links": CellLinks,
     "yolo-seg": YoloSeg,
     "rf-detr-seg": RfDetrSeg,
     "detectron2-mask-rcnn": Detectron2MaskRcnn,

@@ -1,11 +1,8 @@
-"""The layout of the bundled model: every second pixel votes for the box of its instance.
+"""The layout of the bundled model: every second pixel says what it shows and which cells around it are the same thing.
 
-The input is [1, 1, H, W] float32, grey in -1..1, H and W multiples of 32. The output [1, 2 + C + 4, H/2, W/2] holds
-for every second input pixel the logits of background and of C classes; the distances from the pixel's centre to the
-left, top, right and bottom side of the box round the visible part of its instance, as logarithms of multiples of
-`DISTANCE_UNIT` input pixels; and the logit of the overlap that this box has with the true one. Instances are pixels
-whose boxes agree: voting for one's own instance after the Hough forests (Gall and Lempitsky 2009), the box and the
-estimate of its quality as in FCOS (Tian et al. 2019), though here every pixel speaks and its mask comes with it.
+The input is [1, 1, H, W] float32, grey in -1..1, H and W multiples of 32. The output [1, 1 + C + L, H/2, W/2] holds for
+every second input pixel, a cell, the logits of background and of C classes, and for each of `LINKS` the logit of this
+cell and the one so far away being of one instance. Instances are what the links hold together (`mutex_watershed`).
 """
 
 from __future__ import annotations
@@ -18,23 +15,30 @@ from numpy.typing import NDArray
 from autowaze.vehicle.semantics.classes import UNKNOWN_CLASS, labels_of_classes
 from autowaze.vehicle.semantics.letterbox import Letterbox, paste_in_box
 from autowaze.vehicle.semantics.model_config import ModelConfig
+from autowaze.vehicle.semantics.mutex_watershed import mutex_watershed
 from autowaze.vehicle.semantics.network import Network
-from autowaze.vehicle.semantics.vote_grouping import instances_of_votes
 from autowaze.world.errors import ModelError
 from autowaze.world.frame import Image, to_grey
 from autowaze.world.instances import Detections
 
 CLASSES = ("vehicle", "two-wheeler", "person", "cone")
 """What the bundled model tells apart; a cone may be any barrier of road works."""
-DISTANCE_UNIT = 8.0
+LINKS = ((1, 0), (0, 1), (3, 0), (0, 3), (8, 0), (0, 8), (5, 5), (-5, 5), (20, 0), (0, 16))
+"""Columns and rows from a cell to those that it is linked with. The near ones see a seam, the far ones see across a
+seam that is blurred, or a post that parts a car in two."""
 OUTPUT_STRIDE = 2
 
-_MIN_CONFIDENCE = 0.35
+_REACH = np.array(LINKS, np.int64)
+_BIAS = 0.75
+"""Logit. Training counts pairs of cells that are apart more often than they come: the network says it too soon."""
+_MIN_CONFIDENCE = 0.6
 _LONG_SIDE = 832
 _CERTAIN = 4.0
+_MIN_CELLS = 8
+_MAX_INSTANCES = 100
 
 
-class BoxVotes:
+class CellLinks:
     """A model of the bundled layout."""
 
     def __init__(self, network: Network, config: ModelConfig) -> None:
@@ -46,7 +50,7 @@ class BoxVotes:
         names = config.class_names or dict(enumerate(CLASSES))
         self._label_of_class = labels_of_classes(names)
         channels = next(iter(network.outputs.values()))[1]
-        if channels != len(self._label_of_class) + 6:
+        if channels != len(self._label_of_class) + 1 + len(LINKS):
             raise ModelError(
                 f"{network.path}: {channels} channels do not fit {len(self._label_of_class)} classes; state the "
                 f"classes in {network.path.stem}.json"
@@ -60,7 +64,7 @@ class BoxVotes:
             len(inputs) == len(outputs) == 1
             and len(inputs[0]) == len(outputs[0]) == 4
             and inputs[0][1] == 1
-            and (outputs[0][1] or 0) > 6
+            and (outputs[0][1] or 0) > 1 + len(LINKS)
         )
 
     @property
@@ -73,8 +77,8 @@ class BoxVotes:
         size = (image.shape[0], image.shape[1])
         letterbox = self._letterbox(size)
         blob = cv2.dnn.blobFromImage(letterbox.apply(to_grey(image)), 1 / 127.5, mean=127.5)
-        votes = self._network.run({self._input: blob})[0][0]
-        owner, margin, confidence, number = group_votes(np.ascontiguousarray(votes, np.float32))
+        cells = self._network.run({self._input: blob})[0][0]
+        owner, margin, confidence, number = group_cells(np.ascontiguousarray(cells, np.float32))
         label = self._label_of_class[number]
         kept = np.flatnonzero((confidence >= self._min_confidence) & (label != UNKNOWN_CLASS))
         kept = kept[np.argsort(-confidence[kept], kind="stable")]
@@ -88,38 +92,36 @@ class BoxVotes:
         return Letterbox.fixed(size, width=self._fixed_size[1], height=self._fixed_size[0])
 
 
-def group_votes(
-    votes: NDArray[np.float32],
+def group_cells(
+    cells: NDArray[np.float32],
 ) -> tuple[NDArray[np.int16], NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
-    """Instances from the output (2 + C + 4, h, w) of the network.
+    """Instances from the output (1 + C + L, h, w) of the network.
 
     Returns:
-        owner: (h, w) int16, number of the instance that a pixel belongs to, -1 for none.
+        owner: (h, w) int16, number of the instance that a cell belongs to, -1 for none.
         margin: (h, w) float32, logit of the best class above that of the background.
-        confidence: (K,) float32 in 0..1.
+        confidence: (K,) float32 in 0..1: how sure its cells are of their class, times how sure the links that begin in
+            it are of where it ends.
         class_number: (K,) int64.
     """
-    margin, ys, xs, kinds = _foreground(votes[:-5])
-    distance = DISTANCE_UNIT * np.exp(np.clip(votes[-5:-1, ys, xs], -6.0, 6.0)).T
-    at = (OUTPUT_STRIDE * np.stack([xs, ys], axis=1) + OUTPUT_STRIDE / 2).astype(np.float32)
-    boxes = np.concatenate([at - distance[:, :2], at + distance[:, 2:]], axis=1).astype(np.float32)
-    owner = np.full(margin.shape, -1, np.int16)
-    cell_owner, confidence, number = instances_of_votes(
-        at, boxes, kinds, _sigmoid(margin[ys, xs]), _sigmoid(votes[-1, ys, xs]), OUTPUT_STRIDE
-    )
-    owner[ys, xs] = cell_owner
-    return owner, margin, confidence, number
+    margin, kind = _foreground(cells[: -len(LINKS)])
+    links = cells[-len(LINKS) :]
+    group, count = mutex_watershed(kind, links, _REACH, _BIAS)
+    area = np.bincount(group[group >= 0], minlength=count)
+    large = np.argsort(-area, kind="stable")[:_MAX_INSTANCES]
+    large = large[area[large] >= _MIN_CELLS]
+    number = np.full(count + 1, -1, np.int16)
+    number[large] = np.arange(len(large))
+    owner = number[group]
+    confidence, class_number = _judged(owner, kind, margin, links, len(large))
+    return owner, margin, confidence, class_number
 
 
 @numba.njit(cache=True)
-def _foreground(
-    logits: NDArray[np.float32],
-) -> tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Where (1 + C, h, w) logits show more than background: margins (h, w); rows, columns and classes (N,)."""
+def _foreground(logits: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
+    """How much more (1 + C, h, w) logits show than background, and of which class, -1 where nothing: (h, w) each."""
     classes, height, width = logits.shape
-    margin = np.empty((height, width), np.float32)
-    kind = np.empty((height, width), np.int64)
-    count = 0
+    margin, kind = np.empty((height, width), np.float32), np.empty((height, width), np.int8)
     for y in range(height):
         for x in range(width):
             best = 1
@@ -127,20 +129,44 @@ def _foreground(
                 if logits[k, y, x] > logits[best, y, x]:
                     best = k
             margin[y, x] = logits[best, y, x] - logits[0, y, x]
-            kind[y, x] = best - 1
-            count += margin[y, x] > 0
-    ys, xs, kinds = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count, np.int64)
-    n = 0
+            kind[y, x] = best - 1 if margin[y, x] > 0 else -1
+    return margin, kind
+
+
+@numba.njit(cache=True)
+def _judged(
+    owner: NDArray[np.int16],
+    kind: NDArray[np.int8],
+    margin: NDArray[np.float32],
+    links: NDArray[np.float32],
+    count: int,
+) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """Confidence and class (count,) of the instances."""
+    height, width = owner.shape
+    shown, cells = np.zeros(count), np.zeros(count, np.int64)
+    held, asked = np.zeros(count), np.zeros(count, np.int64)
+    class_number = np.zeros(count, np.int64)
     for y in range(height):
         for x in range(width):
-            if margin[y, x] > 0:
-                ys[n], xs[n], kinds[n] = y, x, kind[y, x]
-                n += 1
-    return margin, ys, xs, kinds
+            k = owner[y, x]
+            if k < 0:
+                continue
+            class_number[k] = kind[y, x]
+            shown[k] += _sigmoid(margin[y, x])
+            cells[k] += 1
+            for link in range(len(links)):
+                u, v = x + _REACH[link, 0], y + _REACH[link, 1]
+                if 0 <= u < width and v < height and owner[v, u] >= 0:
+                    same = _sigmoid(links[link, y, x])
+                    held[k] += same if owner[v, u] == k else 1.0 - same
+                    asked[k] += 1
+    confidence = shown / np.maximum(cells, 1) * held / np.maximum(asked, 1)
+    return confidence.astype(np.float32), class_number
 
 
-def _sigmoid(x: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.asarray(0.5 * (1.0 + np.tanh(0.5 * x)), np.float32)
+@numba.njit(cache=True)
+def _sigmoid(x: float) -> float:
+    return float(0.5 * (1.0 + np.tanh(0.5 * x)))
 
 
 def _masks(

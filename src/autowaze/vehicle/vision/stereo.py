@@ -5,10 +5,10 @@ partner for nine of ten features, where matching against detected corners finds 
 through the least sum and its neighbours give the fraction of a pixel; a parabola would lean to whole pixels
 (Shimizu & Okutomi 2005, "Sub-pixel estimation error cancellation on area-based matching").
 
-All that takes a patch for a piece of a wall that faces the camera. On the road the disparity changes from row to row, by
-the baseline over the camera's height, 0.3 pixels; and what is nearest, which tells how far the car has come, is mostly
-road. There the disparity and its change per row are found together, by Gauss-Newton on the squared differences (Lucas &
-Kanade 1981).
+All that takes a patch for a piece of a wall that faces the camera. On the road the disparity changes from row to row,
+by the baseline over the camera's height, 0.3 pixels; and what is nearest, which tells how far the car has come, is
+mostly road. There the disparity and its change per row are found together, by Gauss-Newton on the squared differences
+(Lucas & Kanade 1981).
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from autowaze.evaluation.trajectory import absolute_errors, align, relative_errors
+from autowaze.evaluation.trajectory import absolute_errors, align, relative_errors, trajectory_metrics
 from autowaze.world.errors import AutowazeError
 from autowaze.world.pose import make_pose, so3_exp
 
@@ -51,6 +51,16 @@ def test_a_drive_moved_as_a_whole_has_no_error() -> None:
     assert absolute_errors(moved, truth).max < 1e-9
     assert relative_errors(moved, truth).max < 1e-9
     assert absolute_errors(moved, truth, aligned=False).max > 1.0
+
+
+def test_drift_is_seen_from_the_first_pose() -> None:
+    """A heading that is wrong from the start alone is none; a way that comes out a hundredth too long is a per cent."""
+    truth = np.stack([make_pose(np.eye(3), np.array([0.0, 0.0, z])) for z in np.linspace(0.0, 50.0, 20)])
+    longer = truth.copy()
+    longer[:, 2, 3] *= 1.01
+    turned = make_pose(so3_exp(np.array([0.0, 0.4, 0.0])), np.array([3.0, 0.0, 1.0]))
+    assert trajectory_metrics(turned @ truth, truth)["drift_percent"] == pytest.approx(0.0, abs=1e-9)
+    assert trajectory_metrics(turned @ longer, truth)["drift_percent"] == pytest.approx(1.0)
 
 
 def test_alignment_never_mirrors() -> None:

@@ -66,7 +66,7 @@ def odometry_metrics(run: OdometryRun, T_true: NDArray[np.float64]) -> dict[str,
     told, before_closing = trajectory_metrics(run.T_map_cam, T_true), slice(run.n_open)
     return {
         **trajectory_metrics(run.T_adjusted, T_true),
-        **{f"told_{name}": told[name] for name in ("rpe_mean_cm", "ape_rmse_m", "ape_max_m")},
+        **{f"told_{name}": told[name] for name in ("rpe_mean_cm", "ape_rmse_m", "ape_max_m", "drift_percent")},
         "loops": float(run.n_loops),
         "told_before_closing_ape_rmse_m": absolute_errors(run.T_map_cam[before_closing], T_true[before_closing]).rmse,
         "trusted_fraction": float(np.mean([t.is_trustworthy for t in run.tracked])),

@@ -84,11 +84,17 @@ def relative_errors(T_estimate: NDArray[np.float64], T_truth: NDArray[np.float64
 
 
 def trajectory_metrics(T_estimate: NDArray[np.float64], T_truth: NDArray[np.float64]) -> dict[str, float]:
-    """Flat names for reports, of poses (N, 4, 4) of the same frames."""
+    """Flat names for reports, of poses (N, 4, 4) of the same frames.
+
+    `drift_percent`: how far the last place is off, as seen from the first pose, of the distance.
+    """
     relative, absolute = relative_errors(T_estimate, T_truth), absolute_errors(T_estimate, T_truth)
+    distance_m = float(np.linalg.norm(np.diff(T_truth[:, :3, 3], axis=0), axis=1).sum())
+    end_m = relative_errors(T_estimate, T_truth, len(T_truth) - 1).mean
     return {
         "frames": float(len(T_truth)),
-        "distance_m": float(np.linalg.norm(np.diff(T_truth[:, :3, 3], axis=0), axis=1).sum()),
+        "distance_m": distance_m,
+        "drift_percent": 100 * end_m / max(distance_m, 1e-9),
         "rpe_mean_cm": 100 * relative.mean,
         "ape_rmse_m": absolute.rmse,
         "ape_max_m": absolute.max,

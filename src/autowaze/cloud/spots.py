@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from autowaze.cloud.spot_grid import SpotGrid, raster_of_ring
 from autowaze.world.ground import CELL_M
 from autowaze.world.parking import ParkingMap, ParkingSpot
+from autowaze.world.spot_shapes import measured
 
 _CODE_SHIFT = 32
 _Item = TypeVar("_Item")
@@ -58,7 +59,7 @@ class SpotIndex:
         self.kinds = [spot.kind for spot in parking_map.spots]
         self.row_of = {spot_id: row for row, spot_id in enumerate(self.ids)}
         self.polygons = np.array([spot.polygon for spot in parking_map.spots], dtype=np.object_)
-        self.bounds, self.centre, self.length, self.width, self.heading = _measured(self.polygons)
+        self.bounds, self.centre, self.length, self.width, self.heading = measured(self.polygons)
         self._rasters: dict[int, SpotRaster] = {}
         self._tree: shapely.STRtree | None = None
         self._grid: SpotGrid | None = None
@@ -96,7 +97,7 @@ class SpotIndex:
         else:
             columns = [column.copy() for column in columns]
         polygon = np.array([spot.polygon], dtype=np.object_)
-        for column, value in zip(columns, (polygon, *_measured(polygon)), strict=True):
+        for column, value in zip(columns, (polygon, *measured(polygon)), strict=True):
             column[row] = value[0]
         self.kinds[row] = spot.kind
         self._rasters.pop(row, None)
@@ -174,15 +175,3 @@ def without_row(items: dict[int, _Item], gone: int) -> dict[int, _Item]:
 def cell_codes(ix: NDArray[np.integer], iy: NDArray[np.integer]) -> NDArray[np.int64]:
     """One number (N,) per ground cell, ascending in the order in which cells come over the wire: by iy, then ix."""
     return (np.asarray(iy, dtype=np.int64) << _CODE_SHIFT) + np.asarray(ix, dtype=np.int64)
-
-
-def _measured(polygons: NDArray[np.object_]) -> tuple[NDArray[np.float64], ...]:
-    """Bounds (N, 4), centre (N, 2), length, width and heading (N,) of outlines."""
-    centre = np.column_stack([shapely.get_x(c := shapely.centroid(polygons)), shapely.get_y(c)])
-    rectangles = shapely.minimum_rotated_rectangle(polygons)
-    corners = np.array([shapely.get_coordinates(p)[:4] for p in rectangles]).reshape(-1, 4, 2)
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 1]
-    sides = np.stack([np.hypot(*first.T), np.hypot(*second.T)])
-    longer = np.where((sides[0] >= sides[1])[:, None], first, second)
-    heading = np.arctan2(longer[:, 0], longer[:, 1]) % np.pi
-    return shapely.bounds(polygons), centre, sides.max(axis=0), sides.min(axis=0), heading

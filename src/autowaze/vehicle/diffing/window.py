@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from autowaze.vehicle.diffing.found import FoundLandmarks
 from autowaze.vehicle.diffing.instances import InstanceRecord
 from autowaze.vehicle.diffing.novelty import new_features, replaced_features
+from autowaze.vehicle.diffing.registration import RowRegistration
 from autowaze.vehicle.diffing.removal import LookedFor, removed_features
 from autowaze.vehicle.diffing.settings import DiffSettings
 from autowaze.vehicle.diffing.stored_watch import StoredFeatureWatch
+from autowaze.vehicle.diffing.turning_points import turning_points
 from autowaze.vehicle.ground import GroundObservation
 from autowaze.vehicle.ground_grid import GroundGrid, ground_that_matters
 from autowaze.vehicle.semantics.motion import Motions
@@ -74,6 +76,7 @@ class DiffWindow:
         self._removed = np.zeros(0, np.uint64)
         self.looked_for = LookedFor.empty()
         self._ground = GroundGrid(self._area_of(spots))
+        self._rows = RowRegistration(self._of_this_frame(spots))
         self._place: tuple[NDArray[np.float64], float] | None = None
         self._open()
 
@@ -119,11 +122,15 @@ class DiffWindow:
         if self._times:
             raise AutowazeError("the spots can change between two windows only")
         self._ground.area = self._area_of(spots)
+        self._rows.look_after(self._of_this_frame(spots))
+
+    def _of_this_frame(self, spots: ParkingMap | None) -> ParkingMap | None:
+        """The spots; None if they are not known, or in another map frame."""
+        return spots if spots is not None and spots.georeference == self.georeference else None
 
     def _area_of(self, spots: ParkingMap | None) -> shapely.Geometry | None:
-        """The ground to tell of; all if the spots are not known, or in another map frame."""
-        here = spots is not None and spots.georeference == self.georeference
-        return ground_that_matters(spots) if spots is not None and here else None
+        """The ground to tell of; all if the spots are not known here."""
+        return ground_that_matters(here) if (here := self._of_this_frame(spots)) is not None else None
 
     def add(self, observation: FrameObservation, landmarks: Landmarks) -> None:
         """Count one frame."""
@@ -153,7 +160,6 @@ class DiffWindow:
         self._sent = np.union1d(self._sent, sent)
         removed = np.union1d(removed, replaced)
         self._removed = np.union1d(self._removed, replaced)
-        positions = self._path_positions()
         diff = SemanticMapDiff(
             session=self.session,
             sequence=self._sequence,
@@ -169,8 +175,9 @@ class DiffWindow:
             instances=self._instances.summaries(np.unique(new.instance_key)),
             ground=ground,
             traffic=self._instances.traffic(),
-            trajectory=positions,
+            trajectory=self._path_positions(),
         )
+        diff = self._rows.registered(diff, *self._registered_by())
         self._session_begun = diff.start if self._sequence == 0 else self._session_begun
         self._session_ended = diff.end
         self._sequence += 1
@@ -185,6 +192,14 @@ class DiffWindow:
         self._found = FoundLandmarks(self.camera)
         self._stored_watch = StoredFeatureWatch(self._stored.features, self.settings.known_radius_m, self.camera)
         self._instances = InstanceRecord(self.session)
+
+    def _registered_by(self) -> tuple[NDArray[np.float64], float | None, bool]:
+        """The window's path (F, 2), how sure its first place is (None if the car was lost), whether the map held it."""
+        places = [position for _, position, _ in self._path] + ([self._place[0]] if self._place else [])
+        sigma = self._sigmas[0] if self._sigmas else np.inf
+        is_lost = 0 < len(self._sigmas) < len(self._times)
+        held = 2 * self._localized >= len(self._times)
+        return np.array(places, np.float64).reshape(-1, 3)[:, :2], None if is_lost else sigma, held
 
     def _told_ground(self, last: bool) -> GroundCells:
         if last:
@@ -205,7 +220,7 @@ class DiffWindow:
             return Trajectory.empty()
         times, positions, headings = zip(*self._path, strict=True)
         path = Trajectory(np.array(times), np.array(positions), np.array(headings, dtype=np.float32))
-        return path[_turning_points(path, self.settings.trajectory_tolerance_m)]
+        return path[turning_points(path, self.settings.trajectory_tolerance_m)]
 
     def _is_map_thin(self, tracked: TrackedFrame, features: CameraFeatures, landmarks: Landmarks) -> bool:
         """Whether a frame found fewer standing features of the stored map than others need to localise well."""
@@ -277,18 +292,6 @@ class DiffWindow:
         path = np.array([position[:2] for _, position, _ in self._path])
         low, high = path.min(axis=0) - _NEAR_PATH_M, path.max(axis=0) + _NEAR_PATH_M
         return np.asarray(((features.position[:, :2] > low) & (features.position[:, :2] < high)).all(axis=1))
-
-
-def _turning_points(path: Trajectory, tolerance_m: float) -> NDArray[np.int64]:
-    """Rows of a path that tell of the rest: even motion from one to the next misses none by more than the tolerance."""
-    kept = [0]
-    for row in range(2, len(path)):
-        first = kept[-1]
-        share = (path.time[first:row] - path.time[first]) / (path.time[row] - path.time[first])
-        even = path.position[first] + share[:, None] * (path.position[row] - path.position[first])
-        if np.linalg.norm(even - path.position[first:row], axis=1).max() > tolerance_m:
-            kept.append(row - 1)
-    return np.unique([*kept, len(path) - 1])
 
 
 def _position_sigma(tracked: TrackedFrame) -> float:

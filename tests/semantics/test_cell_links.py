@@ -111,6 +111,12 @@ def test_a_seam_that_the_near_links_miss_is_found_by_those_across_it(open_model)
     assert len(open_model(cells).segment(IMAGE)) == 2
 
 
+def test_a_rest_of_a_vehicle_is_no_vehicle_but_a_cone_may_be_as_small(open_model):
+    cone = 1 + CLASSES.index("cone")
+    found = open_model(cells_for((VEHICLE, 20, 40, 100, 90), (VEHICLE, 150, 40, 160, 56), (cone, 200, 40, 210, 56)))
+    assert sorted(found.segment(IMAGE).label.tolist()) == sorted([ClassLabel.CAR, ClassLabel.CONE])
+
+
 def test_masks_come_at_the_size_of_the_image(open_model):
     large = np.zeros((2 * HEIGHT, 2 * WIDTH, 3), np.uint8)
     found = open_model(cells_for((VEHICLE, 20, 40, 100, 90))).segment(large)

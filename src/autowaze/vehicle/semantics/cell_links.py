@@ -34,7 +34,8 @@ _BIAS = 0.75
 _MIN_CONFIDENCE = 0.6
 _LONG_SIDE = 832
 _CERTAIN = 4.0
-_MIN_CELLS = 8
+_MIN_CELLS, _MIN_CELLS_OF_VEHICLE = 8, 50
+"""A piece of a vehicle that is smaller, less than 15 x 15 pixels of the input, is more often a rest than a vehicle."""
 _MAX_INSTANCES = 100
 
 
@@ -108,8 +109,11 @@ def group_cells(
     links = cells[-len(LINKS) :]
     group, count = mutex_watershed(kind, links, _REACH, _BIAS)
     area = np.bincount(group[group >= 0], minlength=count)
+    class_of_group = np.zeros(count, np.int8)
+    class_of_group[group[group >= 0]] = kind[group >= 0]
+    least = np.where(class_of_group == CLASSES.index("vehicle"), _MIN_CELLS_OF_VEHICLE, _MIN_CELLS)
     large = np.argsort(-area, kind="stable")[:_MAX_INSTANCES]
-    large = large[area[large] >= _MIN_CELLS]
+    large = large[area[large] >= least[large]]
     number = np.full(count + 1, -1, np.int16)
     number[large] = np.arange(len(large))
     owner = number[group]

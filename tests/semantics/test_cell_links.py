@@ -113,7 +113,7 @@ def test_a_seam_that_the_near_links_miss_is_found_by_those_across_it(open_model)
 
 def test_a_rest_of_a_vehicle_is_no_vehicle_but_a_cone_may_be_as_small(open_model):
     cone = 1 + CLASSES.index("cone")
-    found = open_model(cells_for((VEHICLE, 20, 40, 100, 90), (VEHICLE, 150, 40, 160, 56), (cone, 200, 40, 210, 56)))
+    found = open_model(cells_for((VEHICLE, 20, 40, 100, 90), (VEHICLE, 150, 40, 168, 56), (cone, 200, 40, 210, 56)))
     assert sorted(found.segment(IMAGE).label.tolist()) == sorted([ClassLabel.CAR, ClassLabel.CONE])
 
 

@@ -34,8 +34,8 @@ _BIAS = 0.75
 _MIN_CONFIDENCE = 0.6
 _LONG_SIDE = 832
 _CERTAIN = 4.0
-_MIN_CELLS, _MIN_CELLS_OF_VEHICLE = 8, 50
-"""A piece of a vehicle that is smaller, less than 15 x 15 pixels of the input, is more often a rest than a vehicle."""
+_MIN_CELLS, _MIN_CELLS_OF_VEHICLE = 8, 100
+"""Less of a vehicle, 20 x 20 pixels of the input, is more often a rest of one; training asks little of it."""
 _MAX_INSTANCES = 100
 
 

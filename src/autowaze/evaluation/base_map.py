@@ -16,6 +16,7 @@ from autowaze.vehicle.semantics.segmenter import Segmenter
 from autowaze.world.feature_map import FeatureMap
 from autowaze.world.georeference import Georeference
 from autowaze.world.parking import ParkingMap
+from autowaze.world.row_registration import scale_sigma_of
 from autowaze.world.wire import decode_diff
 
 SURVEY = DiffSettings(max_new_static=2500, max_diff_bytes=500_000)
@@ -58,7 +59,7 @@ def survey(
     record = run_drive(trace, node, lambda message: None, progress)
     correct_loops(record, node.slam.loops)
     if spots is not None and start.T_map_cam is not None:
-        register_survey(record, spots)
+        register_survey(record, spots, scale_sigma_of(trace.camera))
     return record, node.georeference
 
 

@@ -22,6 +22,7 @@ from autowaze.world.errors import AutowazeError
 from autowaze.world.feature_map import FeatureMap
 from autowaze.world.identity import ROW_BITS, SEQUENCE_BITS
 from autowaze.world.parking import ParkingMap
+from autowaze.world.row_registration import scale_sigma_of
 from autowaze.world.wire import decode_diff
 
 _SETTINGS = NodeSettings(diff=DiffSettings(max_new_static=3600, max_diff_bytes=500_000))
@@ -73,7 +74,7 @@ def map_streets(
         drive = run_drive(trace, node, lambda message: None, progress)
         correct_loops(drive, node.slam.loops)
         if stored is None and spots is not None and begin.T_map_cam is not None:
-            register_survey(drive, spots)
+            register_survey(drive, spots, scale_sigma_of(trace.camera))
         state = MapState(stored, node.georeference)
         for message in drive.messages:
             state.integrate(decode_diff(message))

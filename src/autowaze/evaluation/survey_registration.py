@@ -18,17 +18,18 @@ from autowaze.world.displacement import displaced
 from autowaze.world.labels import is_vehicle
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.parking import ParkingMap
-from autowaze.world.row_registration import MIN_POINTS, MapShift, ParkedBoxes, shifts_along
+from autowaze.world.row_registration import MIN_POINTS, SCALE_SIGMA, MapShift, ParkedBoxes, shifts_along
 from autowaze.world.wire import encode_diff
 
 SURVEYED_SIGMA_M = 0.05
 """How surely the first pose is known."""
 
 
-def register_survey(record: DriveRecord, spots: ParkingMap) -> None:
+def register_survey(record: DriveRecord, spots: ParkingMap, scale_sigma: float = SCALE_SIGMA) -> None:
     """Move the diffs of a finished drive through an unknown street to where its parked vehicles say; messages likewise.
 
-    The first pose must have been surveyed: rows of bays look the same one bay on.
+    The first pose must have been surveyed: rows of bays look the same one bay on. `scale_sigma` is of the rig, see
+    `scale_sigma_of`.
     """
     if not len(spots) or not record.diffs:
         return
@@ -37,7 +38,8 @@ def register_survey(record: DriveRecord, spots: ParkingMap) -> None:
     times = np.array([t.timestamp for t in record.tracked])
     windows = [_window(diff, times) for diff in record.diffs]
     boxes = _parked(record.diffs, windows, index, path)
-    shifts, _ = shifts_along(path, boxes, index.centre, MapShift.at_start(SURVEYED_SIGMA_M))
+    start = MapShift.at_start(SURVEYED_SIGMA_M, scale_sigma)
+    shifts, _ = shifts_along(path, boxes, index.centre, start, scale_sigma)
     for number, (diff, window) in enumerate(zip(record.diffs, windows, strict=True)):
         record.diffs[number] = displaced(diff, path[window], shifts[window])
         record.messages[number] = encode_diff(record.diffs[number])

@@ -14,9 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.world.camera import StereoCamera
+
 SCALE_SIGMA, HEADING_SIGMA_RAD = 0.01, 0.003
 """Errors of odometry along and across, per metre of the way: a tenth of a pixel of disparity, where features lie 10 m
 off and the baseline is 12 cm, is a hundredth."""
+_RECTIFIED_PX, _SEEN_AT_M = 0.1, 10.0
 CHANGES_AFTER_M = 40.0
 """How far such an error lasts, for it depends on what is in view."""
 PARKED_SIGMA_M = (0.55, 0.3)
@@ -63,13 +66,22 @@ class MapShift:
     spread: NDArray[np.float64]
 
     @classmethod
-    def at_start(cls, sigma_m: float) -> MapShift:
+    def at_start(cls, sigma_m: float, scale_sigma: float = SCALE_SIGMA) -> MapShift:
         """None, where a drive's place is known so surely."""
-        return cls(np.zeros(4), np.diag([sigma_m**2] * 2 + [SCALE_SIGMA**2, HEADING_SIGMA_RAD**2]))
+        return cls(np.zeros(4), np.diag([sigma_m**2] * 2 + [scale_sigma**2, HEADING_SIGMA_RAD**2]))
+
+
+def scale_sigma_of(camera: StereoCamera) -> float:
+    """Error of the way's length by a rig's odometry, as a share: the wider the baseline, the less it leaves to mend."""
+    return min(_RECTIFIED_PX * _SEEN_AT_M / camera.bf, SCALE_SIGMA)
 
 
 def shifts_along(
-    path: NDArray[np.float64], boxes: ParkedBoxes, spots: NDArray[np.float64], start: MapShift
+    path: NDArray[np.float64],
+    boxes: ParkedBoxes,
+    spots: NDArray[np.float64],
+    start: MapShift,
+    scale_sigma: float = SCALE_SIGMA,
 ) -> tuple[NDArray[np.float64], MapShift]:
     """What has to be added to places that a drive mapped from each point of its path.
 
@@ -81,6 +93,7 @@ def shifts_along(
         boxes: what was mapped.
         spots: (S, 2) middles of the spots.
         start: what is believed of the shift there.
+        scale_sigma: how wrong the length of the way may be, as a share.
 
     Returns:
         The shifts (F, 2), map metres, and what is believed at the end of the path.
@@ -92,9 +105,9 @@ def shifts_along(
     seen_at: list[list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = [[] for _ in path]
     for row, at in enumerate(boxes.seen.tolist()):
         seen_at[at].append((offset[row][close[row]], noise[row]))
-    shifts, end = _smoothed(moves, seen_at, start, None)
+    shifts, end = _smoothed(moves, seen_at, start, None, scale_sigma)
     for _ in range(_ROUNDS - 1):
-        shifts, end = _smoothed(moves, seen_at, start, shifts)
+        shifts, end = _smoothed(moves, seen_at, start, shifts, scale_sigma)
     return shifts, end
 
 
@@ -119,6 +132,7 @@ def _smoothed(
     seen_at: list[list[tuple[NDArray[np.float64], NDArray[np.float64]]]],
     start: MapShift,
     about: NDArray[np.float64] | None,
+    scale_sigma: float,
 ) -> tuple[NDArray[np.float64], MapShift]:
     """One pass forwards and one backwards over the path.
 
@@ -133,7 +147,7 @@ def _smoothed(
     for at in range(count):
         lost = 1.0 - moves[at, 2, 2] ** 2
         mean, spread = moves[at] @ mean, moves[at] @ spread @ moves[at].T
-        spread[2, 2] += lost * SCALE_SIGMA**2
+        spread[2, 2] += lost * scale_sigma**2
         spread[3, 3] += lost * HEADING_SIGMA_RAD**2
         foretold[at], foretold_spreads[at] = mean, spread
         for offsets, noise in seen_at[at]:

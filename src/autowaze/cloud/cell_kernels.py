@@ -90,69 +90,32 @@ def any_between(votes: NDArray[np.uint8], starts: NDArray[np.int64]) -> NDArray[
 
 @numba.njit(cache=True, nogil=True)
 def shares_of_passes(
-    free: NDArray[np.uint8],
-    obstacle: NDArray[np.uint8],
-    core: NDArray[np.bool_],
-    starts: NDArray[np.int64],
-    slices: NDArray[np.int64],
-    window: int,
-    unseen: float,
+    free: NDArray[np.uint8], obstacle: NDArray[np.uint8], core: NDArray[np.bool_], starts: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """What each pass saw of the core's cells (C,), shares (P, 3): free; with obstacles; and free where least is.
-
-    The last is the least share of free cells in any so many slices in a row, which a vehicle would stand on; of the
-    cells that were seen, and `unseen` of the others.
+    """Share (P, 2) of the core's cells (C,) that each pass saw free, and with obstacles.
 
     Args:
         free, obstacle: (W, C) votes of the windows of P passes.
         core: (C,) which cells count, at least one.
         starts: (P,) first window of each pass.
-        slices: (C,) slice of the spot, across its length, that each cell lies in, from 0.
-        window: slices that a vehicle is long.
-        unseen: how much a cell that was not seen counts, 0..1.
     """
     windows, cells = free.shape
-    count = slices.max() + 1
-    of_slice, free_of_slice, seen_of_slice = (
-        np.zeros(count, np.int64),
-        np.zeros(count, np.int64),
-        np.zeros(count, np.int64),
-    )
-    counted = 0
-    for cell in range(cells):
-        if core[cell]:
-            of_slice[slices[cell]] += 1
-            counted += 1
-    shares = np.zeros((len(starts), 3))
+    shares = np.zeros((len(starts), 2))
     for number in range(len(starts)):
         end = starts[number + 1] if number + 1 < len(starts) else windows
-        mostly_free, mostly_obstacle = 0, 0
-        free_of_slice[:], seen_of_slice[:] = 0, 0
+        mostly_free, mostly_obstacle, counted = 0, 0, 0
         for cell in range(cells):
             if not core[cell]:
                 continue
+            counted += 1
             sees_free, sees_obstacle = 0, 0
-            for row in range(starts[number], end):
-                sees_free += free[row, cell]
-                sees_obstacle += obstacle[row, cell]
-            if sees_free > sees_obstacle:
-                mostly_free += 1
-                free_of_slice[slices[cell]] += 1
+            for window in range(starts[number], end):
+                sees_free += free[window, cell]
+                sees_obstacle += obstacle[window, cell]
+            mostly_free += sees_free > sees_obstacle
             mostly_obstacle += sees_obstacle > 0 and sees_obstacle >= sees_free
-            seen_of_slice[slices[cell]] += sees_free + sees_obstacle > 0
-        least = 1.0
-        for first in range(max(count - window, 0) + 1):
-            inside, free_inside, seen_inside = 0, 0, 0
-            for part in range(first, min(first + window, count)):
-                inside += of_slice[part]
-                free_inside += free_of_slice[part]
-                seen_inside += seen_of_slice[part]
-            weight = seen_inside + unseen * (inside - seen_inside)
-            if 2 * inside >= counted and weight > 0.0:
-                least = min(least, free_inside / weight)
         shares[number, 0] = mostly_free / counted
         shares[number, 1] = mostly_obstacle / counted
-        shares[number, 2] = least
     return shares
 
 

@@ -13,7 +13,7 @@ from autowaze.cloud.belief import Evidence
 from autowaze.cloud.cell_kernels import shares_of_passes
 from autowaze.cloud.ground_votes import GroundVotes, WindowVotes
 from autowaze.cloud.parked_vehicles import GRAZING_OVERLAP, ParkedVehicle, ParkedVehicles
-from autowaze.cloud.spots import SLICE_M, SpotIndex
+from autowaze.cloud.spots import SpotIndex
 from autowaze.cloud.witnesses import Witnesses
 
 PASS_GAP_S = 30.0
@@ -29,14 +29,6 @@ GLIMPSE_SHARE = 0.1
 """Free ground at the mouth of a bay says nothing of its depth."""
 FREE_SHARE_EVEN = 0.4
 LOG_ODDS_PER_FREE_SHARE = 6.0
-VEHICLE_SLICES = round(3.6 / SLICE_M)
-"""Few vehicles are shorter."""
-UNSEEN_COUNTS = 0.25
-"""How much ground that was not seen counts beside what was, where a vehicle might stand."""
-LOG_ODDS_WITHOUT_ROOM, LOG_ODDS_PER_FREE_ROOM = 5.2, -13.5
-"""Obstacles speak for a vehicle as far as there is room for one without free ground in it: stereo smears what stands
-next door into a spot, most of all with a short baseline, and a hedge behind it, too. By logistic regression over 368
-spots of simulated and real drives, where nearly two fifths of free ground in the best place say nothing."""
 
 PARKED_OVERLAP = 0.5
 """Share of a vehicle that lies in a spot from which on it is parked there."""
@@ -63,15 +55,14 @@ def evidence_of(
     """
     found = []
     for spot, vehicles in parked.around(spots).items():
-        raster = index.raster(spot)
-        core = raster.core
+        core = index.raster(spot).core
         items: list[Evidence] = []
         for vehicle in vehicles:
             if vehicle.home == spot:
                 items += _of_vehicle(vehicle, vehicle.shares[spot], witnesses)
             else:  # Half a metre of drift makes it lean over the line, and that must not pass for a vehicle here.
                 core = core & ~vehicle.covered(spot, index)
-        found.append(items + _of_ground(votes.windows(spot), core, raster.slices, ground))
+        found.append(items + _of_ground(votes.windows(spot), core, ground))
     return found
 
 
@@ -95,9 +86,7 @@ def _of_vehicle(vehicle: ParkedVehicle, share: float, witnesses: Witnesses) -> l
     ]
 
 
-def _of_ground(
-    windows: list[WindowVotes], core: NDArray[np.bool_], slices: NDArray[np.int64], ground: bool
-) -> list[Evidence]:
+def _of_ground(windows: list[WindowVotes], core: NDArray[np.bool_], ground: bool) -> list[Evidence]:
     """One piece of evidence per pass."""
     if not windows or not core.any():
         return []
@@ -105,20 +94,18 @@ def _of_ground(
     starts = _pass_starts(windows)
     votes = [*(window.free for window in windows), *(window.obstacle for window in windows)]
     free, obstacle = np.concatenate(votes).reshape(2, len(windows), len(core))
-    shares = shares_of_passes(free, obstacle, core, np.array(starts), slices, VEHICLE_SLICES, UNSEEN_COUNTS).tolist()
+    shares = shares_of_passes(free, obstacle, core, np.array(starts)).tolist()
     found = []
-    for first, end, (free_share, obstacle_share, least) in zip(
-        starts, [*starts[1:], len(windows)], shares, strict=True
-    ):
+    for first, end, (free_share, obstacle_share) in zip(starts, [*starts[1:], len(windows)], shares, strict=True):
         sigma_m = max(window.sigma_m for window in windows[first:end])
-        log_odds = _log_odds(free_share, obstacle_share, least, ground) / (1.0 + (sigma_m / POSITION_SIGMA_M) ** 2)
+        log_odds = _log_odds(free_share, obstacle_share, ground) / (1.0 + (sigma_m / POSITION_SIGMA_M) ** 2)
         reason = f"ground {free_share:.0%} free, {obstacle_share:.0%} obstacle"
         found.append(Evidence(windows[end - 1].end, log_odds, reason, windows[first].source))
     return found
 
 
-def _log_odds(free_share: float, obstacle_share: float, least_free: float, ground: bool) -> float:
-    """Of a pass that saw these shares of a spot free and with obstacles, and least free ground where a vehicle fits."""
+def _log_odds(free_share: float, obstacle_share: float, ground: bool) -> float:
+    """Of a pass that saw these shares of a spot free and with obstacles, its place certain."""
     seen = free_share + obstacle_share
     if not ground:
         return max(-seen, -MOST_LOG_ODDS)
@@ -127,8 +114,6 @@ def _log_odds(free_share: float, obstacle_share: float, least_free: float, groun
     weight = min(max((seen - counts_from) / (ENOUGH_SEEN_SHARE - counts_from), 0.0), 1.0)
     log_odds = LOG_ODDS_PER_OBSTACLE_RATIO * lean * weight
     log_odds -= LOG_ODDS_PER_FREE_SHARE * max(free_share - FREE_SHARE_EVEN, 0.0)
-    if log_odds > 0:
-        log_odds = min(log_odds, LOG_ODDS_WITHOUT_ROOM + LOG_ODDS_PER_FREE_ROOM * least_free)
     return min(max(log_odds, -MOST_LOG_ODDS), MOST_LOG_ODDS)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -11,7 +10,6 @@ import shapely
 from numpy.typing import NDArray
 
 from autowaze.cloud.spot_grid import SpotGrid, raster_of_ring
-from autowaze.world.ground import CELL_M
 from autowaze.world.parking import ParkingMap, ParkingSpot
 from autowaze.world.spot_shapes import measured
 
@@ -19,8 +17,6 @@ _CODE_SHIFT = 32
 _Item = TypeVar("_Item")
 MARGIN_M = 0.35
 """Along the edges of a spot the ground says little: a car may be off that far, and vehicles next door lean over."""
-SLICE_M = 0.25
-"""Spots are cut across their length into slices."""
 
 
 class SpotRaster(NamedTuple):
@@ -29,12 +25,10 @@ class SpotRaster(NamedTuple):
     Attributes:
         codes: (C,) int64 ascending, `cell_codes` of the cells whose centres lie in the spot.
         core: (C,) bool, those that lie off its edges by the margin; all where the spot is too narrow for that.
-        slices: (C,) int64, slice across the spot's length that each lies in, from 0.
     """
 
     codes: NDArray[np.int64]
     core: NDArray[np.bool_]
-    slices: NDArray[np.int64]
 
 
 class SpotIndex:
@@ -125,7 +119,7 @@ class SpotIndex:
     def raster(self, spot: int) -> SpotRaster:
         """The ground cells of a spot."""
         if spot not in self._rasters:
-            self._rasters[spot] = raster_of(self.polygons[spot], float(self.heading[spot]))
+            self._rasters[spot] = raster_of(self.polygons[spot])
         return self._rasters[spot]
 
     def around(self, bounds: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -159,12 +153,10 @@ class SpotIndex:
         return close
 
 
-def raster_of(polygon: shapely.Polygon, heading: float = 0.0) -> SpotRaster:
-    """The ground cells of an outline in map metres; its length has this compass heading, radians."""
+def raster_of(polygon: shapely.Polygon) -> SpotRaster:
+    """The ground cells of an outline in map metres."""
     cells, core = raster_of_ring(shapely.get_coordinates(polygon), MARGIN_M)
-    along = (cells @ np.array([math.sin(heading), math.cos(heading)])) * (CELL_M / SLICE_M)
-    slices = np.floor(along - along.min(initial=np.inf)).astype(np.int64)
-    return SpotRaster(cell_codes(cells[:, 0], cells[:, 1]), core if core.any() else np.ones_like(core), slices)
+    return SpotRaster(cell_codes(cells[:, 0], cells[:, 1]), core if core.any() else np.ones_like(core))
 
 
 def without_row(items: dict[int, _Item], gone: int) -> dict[int, _Item]:

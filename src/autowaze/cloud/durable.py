@@ -165,7 +165,7 @@ class DurableService:
                 diff, source = self._admitted(payload, sender, accepted)
                 taken = settlement.take(diff, len(payload), source)
             except WireError as error:
-                refused[number] = error
+                refused[number] = _by_itself(error)
                 continue
             if taken.change is not None:
                 accepted.append(Accepted(diff.session, diff.sequence, self._clock(), bytes(payload)))
@@ -281,3 +281,9 @@ class DurableService:
         if known != {state.spot_id: state for state in self.store.spots()}:
             self.store.replace_spots(known.values())
         return service
+
+
+def _by_itself(error: WireError) -> WireError:
+    """An error without how it came about, which leads to whoever keeps it: memory would fill with such cycles."""
+    error.__traceback__ = error.__cause__ = error.__context__ = None
+    return error

@@ -99,7 +99,10 @@ class Intake:
             self._waiting.put_nowait(waiting)
         except asyncio.QueueFull:
             raise BusyError(f"{self._waiting.maxsize} diffs wait already: send it again later") from None
-        return await waiting.update
+        try:
+            return await waiting.update
+        finally:
+            del waiting  # an error leads here, and from here to itself
 
     async def ask(self, question: Callable[[CloudService], _Answer]) -> _Answer:
         """The answer of the service as of a commit; keep questions short, diffs wait meanwhile."""

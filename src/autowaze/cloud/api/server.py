@@ -21,10 +21,10 @@ MOST_CONNECTIONS = 4096
 SWITCH_S = 0.0005
 """How long the thread that takes diffs in may keep the interpreter while requests wait; with Python's 5 ms half of the
 time of a diff is spent waiting for it."""
-MOST_YOUNG, NEVER = 500, 1 << 30
+MOST_YOUNG, YOUNG_ROUNDS, NEVER = 500, 20, 1 << 30
 """When Python looks for cycles among objects: among the young ones once there are so many more, which takes 10 ms as
-most take the place of others that are gone; never among older ones. All that a city's service holds takes a third of a
-second: upkeep looks through it once an hour."""
+most take the place of others that are gone, and after so many rounds among those that were young since the last time;
+never among older ones. All that a city's service holds takes a third of a second: upkeep looks there once an hour."""
 IDLE_S = 60
 """How long a connection may wait for its next request: a car hands in a diff every few seconds while it drives."""
 GRACE_S = 5
@@ -80,7 +80,7 @@ class WebServer(uvicorn.Server):
         before, thresholds = sys.getswitchinterval(), gc.get_threshold()
         sys.setswitchinterval(SWITCH_S)
         gc.freeze()
-        gc.set_threshold(MOST_YOUNG, NEVER, NEVER)
+        gc.set_threshold(MOST_YOUNG, YOUNG_ROUNDS, NEVER)
         try:
             super().run(sockets)
         finally:

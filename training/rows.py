@@ -16,7 +16,6 @@ _MIN_CELLS = 500
 """Pixels of a crop from which a vehicle is worth pasting."""
 _WHOLE = 0.55
 """Share of its box that a vehicle fills which little hides."""
-_MOST = 240
 
 
 def with_rows(

@@ -26,7 +26,7 @@ _ARRAY = 1
 _ZSTD_LEVEL = 3
 _DEPTH, _FEW = 5, 64
 """How far down containers are taken apart, and lists as short as this are not."""
-PART_BYTES = 1 << 17
+_PART_BYTES = 1 << 17
 """Diffs wait while one is packed or written."""
 _AWAKE_S, _RESTS = 0.005, 9.0
 
@@ -62,7 +62,7 @@ def packed_parts(kept: Kept, until: threading.Event | None = None) -> Iterator[b
     packer = msgpack.Packer(default=_packed, use_bin_type=True, autoreset=False)
     woke = time.perf_counter()
     for _ in _steps(packer, {"format": FORMAT, **kept}, 0):
-        if len(packer.getbuffer()) >= PART_BYTES:
+        if len(packer.getbuffer()) >= _PART_BYTES:
             part = frame.compress(packer.getbuffer())
             packer.reset()
             if part:
@@ -88,7 +88,7 @@ def unpack(data: bytes) -> Kept:
 def _decompressed(data: bytes) -> bytearray:
     body = bytearray()
     with zstandard.ZstdDecompressor().stream_reader(data) as reader:
-        while part := reader.read(PART_BYTES):
+        while part := reader.read(_PART_BYTES):
             body += part
             if len(body) > MOST_BYTES:
                 raise ValueError(f"more than {MOST_BYTES} bytes")

@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from street import features
 
+from autowaze.cloud.grouping import group_by_instance
 from autowaze.cloud.integration import MapState
+from autowaze.cloud.snapshot import pack, unpack
 from autowaze.world.feature_map import FeatureMap, MapFeatures
 from autowaze.world.identity import feature_ids
 from autowaze.world.map_diff import SemanticMapDiff
@@ -102,6 +104,26 @@ def test_vehicle_features_of_an_instance_come_from_all_windows():
     state.integrate(additions(2, count=5, instance=1))
     key = additions(0).new.instance_key[:1]
     assert len(state.vehicle_features(key)) == 8
+
+
+@pytest.mark.parametrize(("removed", "left"), [(10, 10), (14, 6), (15, 0), (19, 0)])
+@pytest.mark.parametrize("overtakes", [False, True])
+def test_the_rest_of_a_vehicle_that_left_makes_no_group(removed, left, overtakes):
+    car, other = additions(0, count=20, instance=1), additions(1, count=4, instance=2)
+    keys = np.unique(np.concatenate([car.new.instance_key, other.new.instance_key]))
+    gone = removals(9, *car.new.id[:removed])
+    state = MapState()
+    state.integrate(other)
+    first, second = (gone, car) if overtakes else (car, gone)
+    state.integrate(first)
+    change = state.integrate(second)
+    assert change is not None
+    assert keys[0] in change.instances
+    assert group_by_instance(state, keys).sizes.tolist() == [left, 4]
+    assert len(state.features) == 24 - removed
+    restored = MapState()
+    restored.restore(unpack(pack(state.kept())))
+    assert group_by_instance(restored, keys).sizes.tolist() == [left, 4]
 
 
 @pytest.mark.parametrize("count", [0, 1])

@@ -56,10 +56,12 @@ class VehicleGroups:
 
 
 def group_by_instance(state: MapState, instances: NDArray[np.uint64]) -> VehicleGroups:
-    """Partition the vehicle features of these instances (K,) by their instance."""
+    """Partition the vehicle features of these instances (K,) by their instance; of one that left no points remain."""
     features = state.vehicle_features(instances)
     features = features[np.argsort(features.instance_key, kind="stable")]
     group = np.searchsorted(instances, features.instance_key).astype(np.int64)
+    stands = ~state.has_left(instances, np.bincount(group, minlength=len(instances)))[group]
+    features, group = features[stands], group[stands]
     views = _filled_in(state.instances.views(instances), features, group)
     return VehicleGroups(features.position, group, views)
 

@@ -19,6 +19,7 @@ from autowaze.cloud.diff_kernels import among, starts_of_blocks
 from autowaze.cloud.instances import InstanceTable
 from autowaze.cloud.map_tiles import MapTiles, OutdatedMapError
 from autowaze.cloud.removals import RemovalVotes
+from autowaze.cloud.rests import RemovedOfInstances
 from autowaze.cloud.vehicle_features import VehicleFeatures
 from autowaze.cloud.witnesses import Witnesses
 from autowaze.world.feature_map import FeatureMap, MapFeatures
@@ -78,6 +79,7 @@ class MapState:
         self._accepted_count = 0
         self._witnesses = witnesses or Witnesses()
         self._votes = RemovalVotes(corroboration=witnesses is not None)
+        self._removed_of = RemovedOfInstances()
         self._blocks_of_instance: dict[int, set[int]] = {}
         self._left: deque[tuple[int, int]] = deque()
         for number, block in _by_block(base_map.features):
@@ -126,7 +128,7 @@ class MapState:
         self._votes.require_room(len(diff.removed), self._witnesses.of(diff.session))
         self._accepted[diff.session] = self._accepted.get(diff.session, 0) | 1 << diff.sequence
         self._accepted_count += 1
-        added = self._add(_block_of(diff), diff.new)
+        added, overtaken = self._add(_block_of(diff), diff.new)
         removed = self._remove(diff.removed, self._witnesses.of(diff.session), diff.end)
         gone = removed
         if len(added) and ((removed.id >= added.id[0]) & (removed.id <= added.id[-1])).any():
@@ -137,7 +139,7 @@ class MapState:
         tiles.update(self.tiles.remove(gone, self.version, of_gone))
         own = instance_keys(diff.session, diff.instances.id)
         self.instances.add(own, diff)
-        touched = np.concatenate([added.instance_key, removed.instance_key, own])
+        touched = np.concatenate([added.instance_key, overtaken.instance_key, removed.instance_key, own])
         touched = np.unique(touched[touched != 0])
         self._forget(touched)
         return MapChange(added, gone.id, touched, tuple(sorted(tiles)))
@@ -190,6 +192,7 @@ class MapState:
             "instances": self.instances.kept(),
             "tiles": self.tiles.kept(),
             "votes": self._votes.kept(),
+            "removed_of": self._removed_of.kept(),
         }
 
     def restore(self, kept: dict[str, Any]) -> None:
@@ -203,6 +206,7 @@ class MapState:
         self.instances.restore(kept["instances"])
         self.tiles.restore(kept["tiles"])
         self._votes.restore(kept["votes"])
+        self._removed_of.restore(kept["removed_of"])
 
     def vehicle_features(self, instances: NDArray[np.uint64]) -> VehicleFeatures:
         """Features with a vehicle's label that belong to these instances, sorted by id.
@@ -219,13 +223,20 @@ class MapState:
             parts.append(VehicleFeatures.of(block, np.array(keys, np.uint64)))
         return VehicleFeatures.concatenate(parts)
 
-    def _add(self, number: int, features: MapFeatures) -> MapFeatures:
+    def has_left(self, instances: NDArray[np.uint64], remaining: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Whether the vehicles of these instances (K,), of which so many features (K,) remain, are there no more."""
+        return self._removed_of.has_left(instances, remaining)
+
+    def _add(self, number: int, features: MapFeatures) -> tuple[MapFeatures, MapFeatures]:
+        """Those that are in the map now, and those whose removal came before them."""
         if number in self._blocks:
-            return MapFeatures.empty()
-        features = features[~self._votes.condemned(number, features, self._owner(number))]
+            return MapFeatures.empty(), MapFeatures.empty()
+        is_gone = self._votes.condemned(number, features, self._owner(number))
+        features, overtaken = features[~is_gone], features[is_gone]
         self._votes.settle(number, features.id)
         self._insert(number, features)
-        return features
+        self._removed_of.note(overtaken)
+        return features, overtaken
 
     def _insert(self, number: int, features: MapFeatures) -> None:
         self._blocks[number] = features
@@ -250,6 +261,7 @@ class MapState:
     def _keep(self, number: int, left: MapFeatures, gone: MapFeatures) -> None:
         """Put what is left of a block in its place; of one of which nothing is left only its arrival is remembered."""
         self._blocks[number] = left
+        self._removed_of.note(gone)
         standing = left.instance_key[is_vehicle(left.label)]
         for key in sorted(set(gone.instance_key.tolist()).difference(standing.tolist())):
             numbers = self._blocks_of_instance.get(key, set())
@@ -268,6 +280,7 @@ class MapState:
             key = self._left.popleft()[1]
             if key not in self._blocks_of_instance:
                 self.instances.forget(key)
+                self._removed_of.forget(key)
 
     def _owner(self, number: int) -> int:
         """Whose word the features of a block are."""

@@ -20,7 +20,7 @@ import zstandard
 from autowaze.world.columns import Columns, names_of
 from autowaze.world.errors import AutowazeError
 
-FORMAT = 2
+FORMAT = 3
 MOST_BYTES = 1 << 34
 _ARRAY = 1
 _ZSTD_LEVEL = 3

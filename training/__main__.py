@@ -4,8 +4,9 @@ Examples:
 
     python -m training generate --data /tmp/training-data --streets 100
     python -m training train --data /tmp/training-data --run /tmp/run --steps 6000
-    python -m training evaluate --model /tmp/run/model.onnx
-    python -m training ship /tmp/run/model.onnx
+    python -m training quantise /tmp/run/model.onnx -o /tmp/run/quantised.onnx
+    python -m training evaluate --model /tmp/run/quantised.onnx
+    python -m training ship /tmp/run/quantised.onnx
 """
 
 from __future__ import annotations
@@ -40,6 +41,11 @@ def _parser() -> argparse.ArgumentParser:
     train.add_argument("--workers", type=int, default=1, help="processes that make crops, for each that trains")
     train.add_argument("--hardness", type=float, default=1.0, help="of the samples, 0 to 1")
     train.add_argument("--seed", type=int, default=0)
+
+    quantise = commands.add_parser("quantise", help="make an exported model one of eight-bit integers")
+    quantise.add_argument("model", type=Path)
+    quantise.add_argument("-o", "--output", type=Path, required=True)
+    quantise.add_argument("--data", type=Path, default=_DATA, help="whose crops say what range activations have")
 
     evaluate = commands.add_parser("evaluate", help="recall, precision, touching pairs and milliseconds")
     evaluate.add_argument("--model", default="bundled", help="an .onnx file; the bundled model by default")
@@ -84,6 +90,10 @@ def main() -> None:
                 minutes=args.minutes,
             )
         )
+    elif args.command == "quantise":
+        from training.quantise import quantise
+
+        quantise(args.model, args.output, args.data)
     elif args.command == "evaluate":
         _evaluate(args)
     else:

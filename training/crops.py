@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from training.classes import CLASS_OF_LABEL
 
-CROP_H, CROP_W = 192, 448
+CROP_H, CROP_W = 224, 512
 IGNORED = 255
 """Class of pixels about which nothing is demanded."""
 
-_SCALES = (0.4, 1.0)
-"""Network pixels per image pixel; the car runs the network at two thirds."""
+_SCALES, _USUAL_SCALES = (0.45, 1.1), (0.72, 0.98)
+"""Network pixels per image pixel; the car runs the network between the latter."""
 _MIN_AREA = 14
 """Pixels of the output from which an instance counts; what is smaller is neither demanded nor forbidden."""
 _FOCUS = 0.7
@@ -35,7 +35,7 @@ def crop(
     grey: NDArray[np.uint8], ids: NDArray[np.uint8], labels: NDArray[np.uint8], rng: np.random.Generator
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """A piece (CROP_H, CROP_W) at a random scale and aspect, perhaps mirrored; ids (CROP_H, CROP_W)."""
-    scale = float(np.exp(rng.uniform(*np.log(_SCALES)))) if rng.random() < 0.6 else float(rng.uniform(0.58, 0.76))
+    scale = float(np.exp(rng.uniform(*np.log(_SCALES)))) if rng.random() < 0.6 else float(rng.uniform(*_USUAL_SCALES))
     sx, sy = scale * float(np.exp(rng.normal(0, 0.06))), scale
     height, width = grey.shape
     h, w = min(height, int(CROP_H / sy)), min(width, int(CROP_W / sx))

@@ -9,11 +9,16 @@ from pathlib import Path
 import numpy as np
 import onnx
 import torch
+from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from training.network import SHOWN, STRIDE, Conv, Network
 
+HALF = ".half"
+"""Ends the names of weights that are stored as float16."""
+
 _OPSET = 17
+_QUANTISED = "_quantized"
 
 
 def export(network: Network, path: Path) -> None:
@@ -61,8 +66,8 @@ def _halve_weights(model: onnx.ModelProto) -> None:
         if tensor.data_type != TensorProto.FLOAT or len(tensor.dims) != 4:
             continue
         half = numpy_helper.to_array(tensor).astype(np.float16)
-        casts.append(helper.make_node("Cast", [f"{tensor.name}.half"], [tensor.name], to=TensorProto.FLOAT))
-        tensor.CopyFrom(numpy_helper.from_array(half, f"{tensor.name}.half"))
+        casts.append(helper.make_node("Cast", [f"{tensor.name}{HALF}"], [tensor.name], to=TensorProto.FLOAT))
+        tensor.CopyFrom(numpy_helper.from_array(half, f"{tensor.name}{HALF}"))
     nodes = list(model.graph.node)
     del model.graph.node[:]
     model.graph.node.extend([*casts, *nodes])
@@ -75,9 +80,7 @@ def load_exported(network: Network, path: Path, images: torch.Tensor) -> None:
     Normalisation was folded away: each layer's is set to what its convolution now puts out on `images`
     (N, 1, H, W), with scale and shift that leave the layer as it was. Votes are not exported; they begin anew.
     """
-    weights = {}
-    for tensor in onnx.load(str(path)).graph.initializer:
-        weights[tensor.name.removesuffix(".half")] = torch.tensor(numpy_helper.to_array(tensor).astype(np.float32))
+    weights = {name: torch.tensor(values) for name, values in _weights(onnx.load(str(path))).items()}
     hooks = []
     for name, module in network.named_modules():
         if isinstance(module, Conv):
@@ -91,6 +94,21 @@ def load_exported(network: Network, path: Path, images: torch.Tensor) -> None:
     network.train()
     for hook in hooks:
         hook.remove()
+
+
+def _weights(model: onnx.ModelProto) -> dict[str, NDArray[np.float32]]:
+    """Weights and biases by their names in the network; halved or quantised ones made float32 again."""
+    stored = {tensor.name: numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
+    weights = {}
+    for name, values in stored.items():
+        values = values.astype(np.float32)
+        name = name.removesuffix(HALF)
+        if name.endswith(_QUANTISED):
+            name = name.removesuffix(_QUANTISED)
+            scale = stored.get(f"{name}_scale", stored.get(f"{name}{_QUANTISED}_scale"))
+            values = values * np.asarray(scale).reshape(-1, *[1] * (values.ndim - 1))
+        weights[name] = values
+    return weights
 
 
 def _measuring(bias: torch.Tensor):  # type: ignore[no-untyped-def]

@@ -32,7 +32,7 @@ _REACH = np.array(LINKS, np.int64)
 _BIAS = 0.75
 """Logit. Training counts pairs of cells that are apart more often than they come: the network says it too soon."""
 _MIN_CONFIDENCE = 0.6
-_LONG_SIDE = 832
+_LONG_SIDE = 1152
 _CERTAIN = 4.0
 _MIN_CELLS, _MIN_CELLS_OF_VEHICLE = 8, 100
 """Less of a vehicle, 20 x 20 pixels of the input, is more often a rest of one; training asks little of it."""

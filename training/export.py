@@ -101,13 +101,11 @@ def _weights(model: onnx.ModelProto) -> dict[str, NDArray[np.float32]]:
     stored = {tensor.name: numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
     weights = {}
     for name, values in stored.items():
-        values = values.astype(np.float32)
-        name = name.removesuffix(HALF)
+        plain = name.removesuffix(HALF).removesuffix(_QUANTISED)
+        weights[plain] = values.astype(np.float32)
         if name.endswith(_QUANTISED):
-            name = name.removesuffix(_QUANTISED)
-            scale = stored.get(f"{name}_scale", stored.get(f"{name}{_QUANTISED}_scale"))
-            values = values * np.asarray(scale).reshape(-1, *[1] * (values.ndim - 1))
-        weights[name] = values
+            scale = stored.get(f"{plain}_scale", stored.get(f"{name}_scale"))
+            weights[plain] *= np.asarray(scale).reshape(-1, *[1] * (values.ndim - 1))
     return weights
 
 

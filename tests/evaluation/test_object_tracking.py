@@ -1,5 +1,7 @@
 """What counts when tracks and verdicts are scored, and what does not."""
 
+from dataclasses import fields, replace
+
 import numpy as np
 import pytest
 
@@ -34,6 +36,10 @@ def tracks(*rows, label=ClassLabel.CAR):
     return Tracks(rows.astype(np.int32) + 11, BOXES[rows], labels, np.ones(len(rows), np.float32), masks()[rows])
 
 
+def concatenate_tracks(a, b):
+    return Tracks(*(np.concatenate([getattr(a, f.name), getattr(b, f.name)]) for f in fields(Tracks)))
+
+
 def verdict(moving):
     zero = np.zeros((1, 2), np.float32)
     return Motions(np.array([11], np.int32), np.array([1], np.uint8), np.array([moving]), zero, zero)
@@ -45,6 +51,16 @@ def test_small_vehicles_and_cyclists_count_neither_way():
     score.add(0.1, truth(), tracks(0), Motions.empty())
     metrics = score.metrics()
     assert (metrics["objects"], metrics["precision"], metrics["recall"]) == (1.0, 1.0, 1.0)
+
+
+def test_only_a_large_track_that_follows_nothing_is_a_false_alarm():
+    precisions = []
+    for row in (0, 1):
+        score = ObjectTrackingScore(iter(()), min_pixels=100)
+        astray = replace(tracks(row), id=np.array([99], np.int32), box=BOXES[[row]] + np.float32(45))
+        score.add(0.0, truth(), concatenate_tracks(tracks(0), astray), Motions.empty())
+        precisions.append(score.metrics()["precision"])
+    assert precisions == [0.5, 1.0]
 
 
 def test_verdicts_are_asked_for_after_a_second_near_by():

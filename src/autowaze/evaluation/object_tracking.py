@@ -99,7 +99,8 @@ class ObjectTrackingScore:
     """Tracks and verdicts of a drive against its true vehicles; watches `run_drive`.
 
     Vehicles of fewer than `min_pixels`, and whatever is no vehicle, count neither way: not finding them is no fault,
-    and a track that follows one of them is no false alarm.
+    and a track that follows one of them is no false alarm. Nor is a track of fewer pixels that follows nothing, as COCO
+    leaves out what is found beyond the sizes asked for.
     """
 
     def __init__(self, truth: Iterator[TrueInstances], min_pixels: int) -> None:
@@ -118,7 +119,9 @@ class ObjectTrackingScore:
         asked = is_vehicle(truth.label) & (truth.pixels >= self._min_pixels)
         partner = _partners(truth.box, tracks.box)
         followed = np.isin(np.arange(len(tracks)), partner[~asked & (partner >= 0)])
-        vehicles, kept = truth[asked], tracks[~followed]
+        following = np.isin(np.arange(len(tracks)), partner[asked])
+        small = tracks.mask.sum(axis=(1, 2)) < self._min_pixels
+        vehicles, kept = truth[asked], tracks[following | ~(followed | small)]
         self.tracking.add(vehicles.id, vehicles.box, kept.id, kept.box)
         track_id = np.append(tracks.id, 0)[partner[asked]].astype(np.int64)
         self.motion.add(timestamp, vehicles, track_id, motions)

@@ -81,10 +81,12 @@ class GroundGrid:
             shape = int(cells.iy.max()) - y + 1, int(cells.ix.max()) - x + 1
         grid = np.zeros(shape, np.uint8)
         grid[cells.iy - y, cells.ix - x] = np.where(cells.obstacle >= np.maximum(cells.free, 1), 2, 1)
-        around = [cv2.boxFilter((grid == k).astype(np.uint8), -1, _AROUND, normalize=False) for k in range(3)]
-        smooth = np.argmax(np.stack(around), axis=0)
-        iy, ix = np.nonzero(smooth)
-        is_obstacle = smooth[iy, ix] > 1
+        unseen, free, obstacle = (
+            cv2.boxFilter((grid == k).astype(np.uint8), -1, _AROUND, normalize=False) for k in range(3)
+        )
+        stands = obstacle > np.maximum(unseen, free)
+        iy, ix = np.nonzero(stands | (free > unseen))
+        is_obstacle = stands[iy, ix]
         votes = (~is_obstacle).astype(np.uint16), is_obstacle.astype(np.uint16)
         classed = GroundCells((ix + x).astype(np.int32), (iy + y).astype(np.int32), *votes)
         if self.area is not None:

@@ -87,8 +87,9 @@ def new_features(
     instanced = _best_per_instance(candidates, np.flatnonzero(eligible & movable), settings)
     room = (byte_budget - _BYTES_PER_PLAIN * len(instanced)) // _BYTES_PER_DESCRIBED
     limit = max(min(settings.max_new_static, room, MAX_FEATURES_PER_DIFF - len(instanced)), 0)
-    news = ~any_within(stored_static, candidates.position, settings.spread_m)
-    static = _best_spread(candidates, np.flatnonzero(eligible & ~movable & news), limit, settings.spread_m)
+    standing = np.flatnonzero(eligible & ~movable)
+    standing = standing[~any_within(stored_static, candidates.position[standing], settings.spread_m)]
+    static = _best_spread(candidates, standing, limit, settings.spread_m)
     return np.concatenate([static, instanced])[:MAX_FEATURES_PER_DIFF]
 
 

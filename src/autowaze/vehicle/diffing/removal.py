@@ -14,7 +14,7 @@ from autowaze.vehicle.diffing.visibility import Sight
 
 @dataclass(frozen=True)
 class LookedFor:
-    """What the frames of a window say about stored features, N rows sorted by landmark id.
+    """What the frames of a window say about stored features, N rows sorted by id.
 
     Attributes:
         map_id: (N,) uint64, id in the stored map.

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from autowaze.vehicle.diffing.novelty import any_within
 from autowaze.vehicle.diffing.removal import LookedFor
-from autowaze.vehicle.diffing.tally import Tally
 from autowaze.vehicle.diffing.visibility import Sight, sight_of
 from autowaze.vehicle.ground import GroundObservation
 from autowaze.vehicle.slam.landmarks import Landmarks
@@ -38,9 +37,9 @@ class StoredFeatureWatch:
         self._stored = stored
         self._bf = camera.bf
         self._plain = np.flatnonzero(~stored.described)
+        self._plain_position = stored.position[self._plain]
         self._radius_m = known_radius_m
-        self._described_seen = Tally()
-        self._plain_seen = Tally()
+        self._seen = np.zeros((len(stored), _MATCHED + 1), np.int64)  # frames by `Sight`, and those that matched
 
     def add(
         self, tracked: TrackedFrame, features: CameraFeatures, ground: GroundObservation, landmarks: Landmarks
@@ -49,46 +48,46 @@ class StoredFeatureWatch:
         self._add_described(tracked, ground, landmarks)
         self._add_plain(tracked, features, ground)
 
-    def looked_for(self, landmarks: Landmarks) -> LookedFor:
+    def looked_for(self) -> LookedFor:
         """Every stored feature that was predicted visible, and what was seen in its place."""
-        described = self._described(landmarks)
-        row, table = self._plain_seen.table(_MATCHED + 1)
-        plain = self._stored[row]
-        return LookedFor(
-            np.concatenate([described.map_id, plain.id]),
-            np.concatenate([described.position, plain.position]),
-            np.concatenate([described.instance_key, plain.instance_key]),
-            np.concatenate([described.matched, table[:, _MATCHED]]),
-            np.concatenate([described.sights, table[:, :_MATCHED]]),
-        )
+        rows = np.flatnonzero(self._seen.any(axis=1))
+        stored, seen = self._stored[rows], self._seen[rows]
+        return LookedFor(stored.id, stored.position, stored.instance_key, seen[:, _MATCHED], seen[:, :_MATCHED])
 
     def _add_described(self, tracked: TrackedFrame, ground: GroundObservation, landmarks: Landmarks) -> None:
-        matched = tracked.landmark_id[tracked.landmark_id >= 0]
-        self._described_seen.add(matched, _MATCHED)
-        rows = landmarks.rows(np.setdiff1d(tracked.visible_id, matched))
-        rows = rows[rows >= 0]
-        rows = rows[landmarks.map_id[rows] != 0]
-        sight = sight_of(landmarks.position[rows], tracked.T_map_cam, ground.depth, ground.camera)
-        self._described_seen.add(landmarks.id[rows], sight)
+        found = self._rows(landmarks, landmarks.rows(tracked.landmark_id[tracked.landmark_id >= 0]))
+        np.add.at(self._seen[:, _MATCHED], found, 1)
+        missed = self._rows(landmarks, landmarks.rows(tracked.visible_id))
+        is_found = np.zeros(len(self._stored), np.bool_)
+        is_found[found] = True
+        missed = missed[~is_found[missed]]
+        sight = sight_of(self._stored.position[missed], tracked.T_map_cam, ground.depth, ground.camera)
+        self._seen[missed, sight] += 1
+
+    def _rows(self, landmarks: Landmarks, landmark_rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Rows in the stored map of those landmarks that are of it; -1 stands for one that is no more."""
+        map_id = landmarks.map_id[landmark_rows[landmark_rows >= 0]]
+        return np.asarray(np.searchsorted(self._stored.id, map_id[map_id != 0]))
 
     def _add_plain(self, tracked: TrackedFrame, features: CameraFeatures, ground: GroundObservation) -> None:
         """A vehicle that segmentation overlooks still stands there, but the ground under one that left is near, too:
         features that are on no vehicle count within half the radius.
         """
-        offset = self._stored.position[self._plain] - tracked.T_map_cam[:3, 3]
-        near = self._plain[np.einsum("ij,ij->i", offset, offset) < _SUPPORT_RANGE_M**2]
+        offset = self._plain_position - tracked.T_map_cam[:3, 3]
+        is_near = np.einsum("ij,ij->i", offset, offset) < _SUPPORT_RANGE_M**2
+        near, places = self._plain[is_near], self._plain_position[is_near]
         if not len(near):
             return
-        sight = sight_of(self._stored.position[near], tracked.T_map_cam, ground.depth, ground.camera)
-        sight[_on_free_ground(self._stored.position[near], ground)] = Sight.THROUGH
-        near, sight = near[sight != Sight.HIDDEN], sight[sight != Sight.HIDDEN]
+        sight = sight_of(places, tracked.T_map_cam, ground.depth, ground.camera)
+        sight[_on_free_ground(places, ground)] = Sight.THROUGH
+        in_sight = sight != Sight.HIDDEN
+        near, places, sight = near[in_sight], places[in_sight], sight[in_sight]
         features = features[features.has_depth]
         seen, on_vehicle = transform(tracked.T_map_cam, features.position_cam), is_vehicle(features.label)
-        places = self._stored.position[near]
         held = any_within(seen[on_vehicle], places, self._radius_m)
         held |= any_within(seen[~on_vehicle], places, self._radius_m / 2)
         told = held | (sight == Sight.THROUGH) | self._can_be_found(places, tracked)
-        self._plain_seen.add(near[told], np.where(held, _MATCHED, sight)[told])
+        self._seen[near[told], np.where(held, _MATCHED, sight)[told]] += 1
 
     def _can_be_found(self, places: NDArray[np.float64], tracked: TrackedFrame) -> NDArray[np.bool_]:
         """Which places (N, 3) are so near that a feature there would be seen, and put into the radius by stereo.
@@ -99,26 +98,17 @@ class StoredFeatureWatch:
         farthest_m = float(np.sqrt(self._radius_m * self._bf / _STEREO_SIGMA_PX))
         return np.asarray(depth <= farthest_m)
 
-    def _described(self, landmarks: Landmarks) -> LookedFor:
-        ids, table = self._described_seen.table(_MATCHED + 1)
-        rows = landmarks.rows(ids)
-        keep = rows >= 0
-        keep[keep] = landmarks.map_id[rows[keep]] != 0
-        rows, table = rows[keep], table[keep]
-        map_id = landmarks.map_id[rows]
-        at = np.searchsorted(self._stored.id, map_id)
-        return LookedFor(
-            map_id,
-            landmarks.position[rows],
-            self._stored.instance_key[at],
-            table[:, _MATCHED],
-            table[:, :_MATCHED],
-        )
-
 
 def _on_free_ground(places: NDArray[np.float64], ground: GroundObservation) -> NDArray[np.bool_]:
     """Which places (N, 3) are over ground that the frame saw free, all around them: no vehicle stands there."""
     cells = np.floor(places[:, :2] / CELL_M).astype(np.int64) + _AROUND[:, None]
-    free = np.flatnonzero(ground.free)
-    code = ground.ix[free].astype(np.int64) << 32 ^ ground.iy[free]
-    return np.asarray(np.isin(cells[..., 0] << 32 ^ cells[..., 1], code).all(axis=0))
+    if not ground.free.any():
+        return np.zeros(len(places), np.bool_)
+    free = np.column_stack([ground.ix, ground.iy])[ground.free]
+    low = free.min(axis=0)
+    grid = np.zeros(free.max(axis=0) - low + 1, np.bool_)
+    grid[tuple((free - low).T)] = True
+    at = cells - low
+    inside = ((at >= 0) & (at < grid.shape)).all(axis=2)
+    at[~inside] = 0
+    return np.asarray((inside & grid[at[..., 0], at[..., 1]]).all(axis=0))

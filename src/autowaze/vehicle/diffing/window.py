@@ -153,7 +153,7 @@ class DiffWindow:
         if not self._times and self._place is not None:  # what waited is told from where the car came to
             self._times.append(self._session_ended)
             self._path.append((self._session_ended, *self._place))
-        removed = self._removed_ids(landmarks)
+        removed = self._removed_ids()
         self._removed = np.union1d(self._removed, removed)
         ground = self._told_ground(last)
         new, sent, replaced = self._new_features(landmarks, len(ground))
@@ -240,8 +240,8 @@ class DiffWindow:
     def _may_tell_removals(self) -> bool:
         return self._localized >= self.settings.min_localized_fraction * len(self._times)
 
-    def _removed_ids(self, landmarks: Landmarks) -> NDArray[np.uint64]:
-        seen = self.looked_for = self._stored_watch.looked_for(landmarks)
+    def _removed_ids(self) -> NDArray[np.uint64]:
+        seen = self.looked_for = self._stored_watch.looked_for()
         if not self._may_tell_removals:
             return np.zeros(0, np.uint64)
         removed = seen.map_id[removed_features(seen, self.settings)]

@@ -1,6 +1,6 @@
 """What real cameras, suns and streets add to clean pictures, drawn at random and drawn wide.
 
-Tone curves that crush blacks and burn skies, hard shadows and dapples, blur and sharpening, noise, compression, texture
+Tone curves that crush blacks and burn skies, hard shadows of houses and trees, dapples, blur and sharpening, noise, compression, texture
 over what is no instance, and things before the instances.
 """
 
@@ -30,6 +30,8 @@ def hardened(
         x *= _shade(x.shape, rng)
     if rng.random() < 0.25 * h:
         x *= _dapple(x.shape, rng)
+    if rng.random() < 0.45 * h:
+        x *= _crowns(x.shape, rng)
     if rng.random() < 0.2 * h:
         x = x * rng.uniform(0.6, 1.0) + rng.uniform(0.0, 0.5) * _cloud(x.shape, rng, 5)
     x = _toned(np.clip(x, 0, 1), rng, h)
@@ -109,6 +111,24 @@ def _dapple(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.floa
     spots[~where] = 1.0
     soft = cv2.GaussianBlur(spots, (0, 0), float(rng.uniform(0.6, 2.0)))
     dark = rng.uniform(0.2, 0.7)
+    return np.asarray(dark + (1 - dark) * soft, np.float32)
+
+
+def _crowns(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float32]:
+    """Shadows of trees over road, walls and cars: large, flat as seen from the car, and frayed at the edge."""
+    flat = float(np.exp(rng.uniform(0.0, np.log(8.0))))
+    room = (shape[0], max(2, int(shape[1] / flat)))
+    cells = float(rng.uniform(1.5, 6.0))
+    fade = float(rng.uniform(0.5, 0.8))
+    cover = np.zeros(room, np.float32)
+    share = 1.0
+    while cells < room[0] / 2:
+        cover += share * _cloud(room, rng, cells)
+        cells, share = 2.2 * cells, fade * share
+    cover = cv2.resize(cover, shape[::-1], interpolation=cv2.INTER_LINEAR)
+    dark = float(np.exp(rng.uniform(np.log(0.08), np.log(0.6))))
+    lit = (cover > np.quantile(cover[::4, ::4], rng.uniform(0.2, 0.8))).astype(np.float32)
+    soft = cv2.GaussianBlur(lit, (0, 0), float(rng.uniform(0.5, 2.0)))
     return np.asarray(dark + (1 - dark) * soft, np.float32)
 
 

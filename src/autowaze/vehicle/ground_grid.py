@@ -19,7 +19,7 @@ PASSED_M = 4.0
 HELD_WINDOWS = 2
 """Ground ahead is told of when so many more windows have ended, if the car has not passed it by then."""
 _AROUND = (5, 5)
-_MOST_UNCOUNTED = 64
+_MOST_UNCOUNTED = 8
 _MOST_CELLS_ACROSS = BLOCK * int(np.sqrt(MAX_SQUARES))
 
 

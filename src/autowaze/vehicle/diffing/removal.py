@@ -78,13 +78,23 @@ def _absent_neighbourhoods(seen: LookedFor, judged: NDArray[np.bool_], settings:
     have been mixed up, so an instance is not trusted to be one car.
     """
     cells = np.floor(seen.position[:, :2] / settings.neighbourhood_m).astype(np.int64)
-    keys = np.column_stack([seen.instance_key.astype(np.int64), cells])
-    group = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+    group = _groups(seen.instance_key.astype(np.int64), *cells.T)
     members = np.bincount(group, weights=judged)
     matched = np.bincount(group, weights=seen.matched * judged)
     missed = np.bincount(group, weights=seen.missed * judged)
     absent = (members >= settings.min_group) & (matched <= settings.gone_match_ratio * (matched + missed))
     return np.asarray(absent[group], dtype=np.bool_)
+
+
+def _groups(*keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Number (N,) of the group of equal keys (N,) that each row is in."""
+    order = np.lexsort(keys)
+    begins = np.zeros(len(order), np.bool_)
+    for key in keys:
+        begins[1:] |= np.diff(key[order]) != 0
+    group = np.empty(len(order), np.int64)
+    group[order] = np.cumsum(begins)
+    return group
 
 
 def _mostly(gone: NDArray[np.bool_], judged: NDArray[np.bool_], instance_key: NDArray[np.uint64]) -> NDArray[np.bool_]:

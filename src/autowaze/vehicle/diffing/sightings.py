@@ -135,30 +135,41 @@ def _position_sigmas(starts, order, frame, centre, position, depth_sigma_m, corn
     most = np.max(np.diff(starts)) if len(position) else 0
     rays, distances, information = np.empty((most, 3)), np.empty(most), np.empty((3, 3))
     for k in range(len(position)):
-        seen = order[starts[k] : starts[k + 1]]
-        ray, distance = rays[: len(seen)], distances[: len(seen)]
-        for i in range(len(seen)):
-            ray[i] = position[k] - centre[frame[seen[i]]]
-            distance[i] = max(np.sqrt(ray[i, 0] ** 2 + ray[i, 1] ** 2 + ray[i, 2] ** 2), _LEAST_DISTANCE_M)
+        count = starts[k + 1] - starts[k]
+        for i in range(count):
+            seen_from = frame[order[starts[k] + i]]
+            square = 0.0
+            for a in range(3):
+                rays[i, a] = position[k, a] - centre[seen_from, a]
+                square += rays[i, a] * rays[i, a]
+            distances[i] = max(np.sqrt(square), _LEAST_DISTANCE_M)
+        _nearest_first(rays[:count], distances[:count], _VIEWS if count > _VIEWS else 1)
         information[:] = 0.0
-        for view in range(min(len(seen), _VIEWS)):
-            nearest = np.argmin(distance)
-            u = ray[nearest]
-            u /= distance[nearest]
-            across = (corner_px / distance[nearest]) ** 2
+        for view in range(min(count, _VIEWS)):
+            across = (corner_px / distances[view]) ** 2
             along = depth_sigma_m[k] ** -2.0 if view == 0 else 0.0
+            of_ray = (along - across) / distances[view] ** 2
             for a in range(3):
                 information[a, a] += across
-                for b in range(3):
-                    information[a, b] += (along - across) * u[a] * u[b]
-            distance[nearest] = np.inf
+                for b in range(a, 3):
+                    information[a, b] += of_ray * rays[view, a] * rays[view, b]
         sigmas[k] = max(_least_eigenvalue(information), _LEAST_INFORMATION) ** -0.5
     return sigmas
 
 
 @compiled
+def _nearest_first(rays, distances, n):  # type: ignore[no-untyped-def]
+    """Bring the nearest n of rays (S, 3) with their distances (S,) to the front, in order."""
+    for i in range(n):
+        nearest = i + np.argmin(distances[i:])
+        distances[i], distances[nearest] = distances[nearest], distances[i]
+        for a in range(3):
+            rays[i, a], rays[nearest, a] = rays[nearest, a], rays[i, a]
+
+
+@compiled
 def _least_eigenvalue(A):  # type: ignore[no-untyped-def]
-    """Of a symmetric matrix (3, 3), in closed form (Smith 1961)."""
+    """Of a symmetric matrix (3, 3), whose upper triangle is read, in closed form (Smith 1961)."""
     mean = (A[0, 0] + A[1, 1] + A[2, 2]) / 3.0
     x, y, z, xy, xz, yz = A[0, 0] - mean, A[1, 1] - mean, A[2, 2] - mean, A[0, 1], A[0, 2], A[1, 2]
     spread = np.sqrt((x * x + y * y + z * z + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)

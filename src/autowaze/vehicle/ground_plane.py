@@ -63,7 +63,8 @@ def fit_ground_plane(
     hypotheses = hypotheses[_plausible(hypotheses, camera, height_range_m)]
     if not len(hypotheses):
         return None
-    best = hypotheses[int(np.argmax(_inlier_counts(points, hypotheses)))]
+    u, v, seen = np.ascontiguousarray(points.T)
+    best = hypotheses[int(np.argmax(_inlier_counts(u, v, seen, hypotheses)))]
     for _ in range(_REFINEMENTS):
         inliers = points[np.abs(_residuals(points, best)) < _INLIER_PX]
         if len(inliers) < max(_MIN_INLIER_SHARE * len(points), 10):
@@ -118,12 +119,16 @@ def _residuals(points: NDArray[np.float64], plane: NDArray[np.float64]) -> NDArr
 
 
 @numba.njit(cache=True, nogil=True)
-def _inlier_counts(points: NDArray[np.float64], planes: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Points (N, 3) within the inlier distance of each plane (H, 3)."""
+def _inlier_counts(
+    u: NDArray[np.float64], v: NDArray[np.float64], disparity: NDArray[np.float64], planes: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    """Points (N,) within the inlier distance of each plane (H, 3); a column of its own for each coordinate is what
+    lets four points be compared at once."""
     counts = np.zeros(len(planes), np.int64)
     for h in range(len(planes)):
         a, b, c = planes[h]
-        for i in range(len(points)):
-            if abs(points[i, 2] - a * points[i, 0] - b * points[i, 1] - c) < _INLIER_PX:
-                counts[h] += 1
+        count = 0
+        for i in range(len(u)):
+            count += abs(disparity[i] - a * u[i] - b * v[i] - c) < _INLIER_PX
+        counts[h] = count
     return counts

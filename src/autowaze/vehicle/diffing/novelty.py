@@ -201,4 +201,5 @@ def _distances(
     """How far (N,) it is from each place (N, 3) to the nearest point (M, 3); infinity beyond `at_most_m`."""
     if not len(points) or not len(places):
         return np.full(len(places), np.inf)
-    return np.asarray(cKDTree(points).query(places, distance_upper_bound=at_most_m)[0])
+    tree = cKDTree(points, balanced_tree=False, compact_nodes=False)  # asked once: most of the time goes into making it
+    return np.asarray(tree.query(places, distance_upper_bound=at_most_m)[0])

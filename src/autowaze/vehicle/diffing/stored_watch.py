@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,7 +22,7 @@ from autowaze.world.pose import transform
 _MATCHED = len(Sight)
 _SUPPORT_RANGE_M = 25.0
 _STEREO_SIGMA_PX = 0.2  # of sub-pixel sparse stereo
-_AROUND = np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])  # cells: the feet of a vehicle may lie in the next one
+_AROUND = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))  # cells: the feet of a vehicle may lie in the next one
 
 
 class StoredFeatureWatch:
@@ -82,8 +83,8 @@ class StoredFeatureWatch:
         sight[_on_free_ground(places, ground)] = Sight.THROUGH
         in_sight = sight != Sight.HIDDEN
         near, places, sight = near[in_sight], places[in_sight], sight[in_sight]
-        features = features[features.has_depth]
-        seen, on_vehicle = transform(tracked.T_map_cam, features.position_cam), is_vehicle(features.label)
+        rows = np.flatnonzero(features.has_depth)
+        seen, on_vehicle = transform(tracked.T_map_cam, features.position_cam[rows]), is_vehicle(features.label[rows])
         held = any_within(seen[on_vehicle], places, self._radius_m)
         held |= any_within(seen[~on_vehicle], places, self._radius_m / 2)
         told = held | (sight == Sight.THROUGH) | self._can_be_found(places, tracked)
@@ -101,14 +102,14 @@ class StoredFeatureWatch:
 
 def _on_free_ground(places: NDArray[np.float64], ground: GroundObservation) -> NDArray[np.bool_]:
     """Which places (N, 3) are over ground that the frame saw free, all around them: no vehicle stands there."""
-    cells = np.floor(places[:, :2] / CELL_M).astype(np.int64) + _AROUND[:, None]
     if not ground.free.any():
         return np.zeros(len(places), np.bool_)
     free = np.column_stack([ground.ix, ground.iy])[ground.free]
-    low = free.min(axis=0)
-    grid = np.zeros(free.max(axis=0) - low + 1, np.bool_)
-    grid[tuple((free - low).T)] = True
-    at = cells - low
-    inside = ((at >= 0) & (at < grid.shape)).all(axis=2)
-    at[~inside] = 0
-    return np.asarray((inside & grid[at[..., 0], at[..., 1]]).all(axis=0))
+    low = free.min(axis=0) - 1
+    grid = np.zeros(free.max(axis=0) - low + 2, np.uint8)
+    grid[tuple((free - low).T)] = 1
+    grid = cv2.erode(grid, _AROUND)
+    at = np.floor(places[:, :2] / CELL_M).astype(np.int64) - low
+    inside = ((at >= 0) & (at < grid.shape)).all(axis=1)
+    at[~inside] = 0  # a corner of the rim, which is not free
+    return np.asarray(grid[at[:, 0], at[:, 1]] > 0)

@@ -287,3 +287,22 @@ def test_a_car_outside_its_map_sets_out_at_once(street: Street, base_map: Featur
     assert {f.state for f in frames} == {TrackingState.ODOMETRY}
     assert all("stored map" in f.reason for f in frames)
     assert _errors_m(frames, far).max() < 0.2
+
+
+def test_a_place_that_few_features_tell_wrongly_gives_way_to_the_one_that_more_agree_with(
+    street: Street, base_map: FeatureMap
+) -> None:
+    """House fronts far ahead that were mapped two metres off are all that the first frame shows."""
+    poses = straight_drive(12)
+    features = base_map.features
+    far = np.abs(features.position[:, 1] - 38.0) < 6.0
+    off = replace(features, position=features.position + far[:, None] * np.array([2.0, 0.0, 0.0]))
+    hidden = Street()
+    hidden.position[np.abs(hidden.position[:, 1] - 38.0) > 6.0, 1] += 1000.0
+    slam = StereoSlam(CAMERA, stored_map=FeatureMap(off))
+    frames = [slam.track((street if i else hidden).see(T, 15_000 + i), 0.1 * i, i) for i, T in enumerate(poses)]
+    slam.finish()
+    errors = _errors_m(frames, poses)
+    assert frames[0].state is TrackingState.LOCALIZED
+    assert errors[0] > 1.0
+    assert errors[2:].max() < 0.1

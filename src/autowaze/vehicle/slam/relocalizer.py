@@ -25,6 +25,8 @@ _RATIO = 0.85
 _ELSEWHERE_M = 1.0  # the second best match must be another place, not a second landmark of the same corner
 _MIN_INLIERS = 12
 _WIDE = 3.0  # windows after the consensus, whose pose is good to a few pixels only
+_CHECKS = 5  # frames, from the one in which the map was found on, in which it is looked for once more
+_OTHER_POSE_M = 0.2  # what is less far from a pose is left to tracking
 
 
 PositionPrior = tuple[NDArray[np.float64], float]
@@ -45,6 +47,7 @@ class Relocalizer:
         self.landmarks = landmarks
         self.tracker = tracker
         self._unlocalized_frames = 0
+        self._checks_left = _CHECKS
 
     def locate(self, frame: ObservedFrame, rows: NDArray[np.int64]) -> Located | None:
         """Pose of a frame among the landmarks of these rows, or None when it is not found for certain."""
@@ -62,22 +65,36 @@ class Relocalizer:
         return located if located.n_steering >= self.settings.min_relocalized_inliers else None
 
     def found_again(self, located: Located, drift_m: float) -> Located | None:
-        """Every few frames in a gap of the stored map: the same frame found in the map, or None.
+        """The same frame found in the stored map, or None: every few frames in a gap of it, and when it was just found.
+
+        Of few far features a wrong pose may explain enough to pass, and features are then matched where it foretells
+        them: such a pose holds itself. Other frames show other features, so the first ones are placed anew, and the
+        place that more of the map agrees with counts.
 
         Args:
             located: the frame by odometry. drift_m: standard deviation of its position.
         """
         if located.n_stored_inliers >= self.settings.min_stored_inliers:
             self._unlocalized_frames = 0
-            return None
+            return self._checked(located)
         self._unlocalized_frames += 1
         if self._unlocalized_frames % _RETRY_FRAMES:
             return None
         again = self.locate(located.frame, self.stored_rows((located.T_map_cam[:3, 3], 1.0 + drift_m)))
         if again is None or again.n_stored_inliers < self.settings.min_stored_inliers:
             return None
-        self._unlocalized_frames = 0
+        self._unlocalized_frames, self._checks_left = 0, _CHECKS
         return again
+
+    def _checked(self, located: Located) -> Located | None:
+        if self._checks_left == 0:
+            return None
+        self._checks_left -= 1
+        again = self.locate(located.frame, self.stored_rows((located.T_map_cam[:3, 3], START_SIGMA_M)))
+        if again is None or again.n_stored_inliers <= located.n_stored_inliers:
+            return None
+        moved_m = float(np.linalg.norm(again.T_map_cam[:3, 3] - located.T_map_cam[:3, 3]))
+        return again if moved_m > _OTHER_POSE_M else None
 
     def stored_rows(self, prior: PositionPrior | None) -> NDArray[np.int64]:
         """Rows of the stored map to search: near the prior, or all of a small map."""

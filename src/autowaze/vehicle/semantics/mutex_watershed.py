@@ -34,7 +34,7 @@ def mutex_watershed(
     """
     first, second, joins = _sorted_links(kind, links, reach, bias)
     height, width = kind.shape
-    parent = np.arange(height * width)
+    parent = np.arange(height * width).astype(np.int32)
     # the groups that a group is apart from, as linked lists, so that joining two groups joins their lists
     head, tail = np.full(height * width, -1, np.int32), np.full(height * width, -1, np.int32)
     length = np.zeros(height * width, np.int32)
@@ -74,32 +74,36 @@ def _sorted_links(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.bool_]]:
     """Cells (E,) at both ends of each link between cells of one class, and whether it joins, the surest first."""
     height, width = kind.shape
+    rows, columns = np.nonzero(kind >= 0)
+    # what a link is sure of, kept from the first look to the second; -1 where it ties nothing
+    level = np.empty((len(reach), len(rows)), np.int16)
     start = np.zeros(_LEVELS + 1, np.int64)
-    for filling in (False, True):
-        if filling:
-            start = np.cumsum(start)
-            first, second = np.empty(start[-1], np.int32), np.empty(start[-1], np.int32)
-            joins = np.empty(start[-1], np.bool_)
-        for link in range(len(reach)):
-            dx, dy = reach[link]
-            for y in range(height - dy):
-                for x in range(max(-dx, 0), width - max(dx, 0)):
-                    if kind[y, x] < 0 or kind[y + dy, x + dx] != kind[y, x]:
-                        continue
-                    logit = links[link, y, x] + bias
-                    level = _LEVELS - 1 - int(min(abs(logit) * _LEVELS_PER_LOGIT, _LEVELS - 1.0))
-                    if filling:
-                        place = start[level]
-                        start[level] += 1
-                        first[place], second[place] = y * width + x, (y + dy) * width + x + dx
-                        joins[place] = logit > 0
-                    else:
-                        start[level + 1] += 1
+    for link in range(len(reach)):
+        dx, dy = reach[link]
+        for i in range(len(rows)):
+            y, x = rows[i], columns[i]
+            level[link, i] = -1
+            if y + dy < height and 0 <= x + dx < width and kind[y + dy, x + dx] == kind[y, x]:
+                sureness = abs(links[link, y, x] + bias) * _LEVELS_PER_LOGIT
+                level[link, i] = _LEVELS - 1 - int(min(sureness, _LEVELS - 1.0))
+                start[level[link, i] + 1] += 1
+    start = np.cumsum(start)
+    first, second = np.empty(start[-1], np.int32), np.empty(start[-1], np.int32)
+    joins = np.empty(start[-1], np.bool_)
+    for link in range(len(reach)):
+        step = reach[link, 1] * width + reach[link, 0]
+        for i in range(len(rows)):
+            if level[link, i] >= 0:
+                place = start[level[link, i]]
+                start[level[link, i]] += 1
+                cell = rows[i] * width + columns[i]
+                first[place], second[place] = cell, cell + step
+                joins[place] = links[link, rows[i], columns[i]] + bias > 0
     return first, second, joins
 
 
 @numba.njit(cache=True)
-def _root(parent: NDArray[np.int64], cell: int) -> int:
+def _root(parent: NDArray[np.int32], cell: int) -> int:
     while parent[cell] != cell:
         parent[cell] = parent[parent[cell]]
         cell = parent[cell]
@@ -108,7 +112,7 @@ def _root(parent: NDArray[np.int64], cell: int) -> int:
 
 @numba.njit(cache=True)
 def _apart(
-    parent: NDArray[np.int64],
+    parent: NDArray[np.int32],
     head: NDArray[np.int32],
     following: NDArray[np.int32],
     other: NDArray[np.int32],
@@ -125,7 +129,7 @@ def _apart(
 
 
 @numba.njit(cache=True)
-def _numbered(kind: NDArray[np.int8], parent: NDArray[np.int64]) -> tuple[NDArray[np.int32], int]:
+def _numbered(kind: NDArray[np.int8], parent: NDArray[np.int32]) -> tuple[NDArray[np.int32], int]:
     height, width = kind.shape
     owner = np.full((height, width), -1, np.int32)
     number = np.full(height * width, -1, np.int32)

@@ -13,6 +13,7 @@ from autowaze.traces import Trace
 from autowaze.vehicle.diffing import DiffSettings
 from autowaze.vehicle.node import NodeSettings, StartingPoint, VehicleNode
 from autowaze.vehicle.semantics.segmenter import Segmenter
+from autowaze.world.camera import StereoCamera
 from autowaze.world.feature_map import FeatureMap
 from autowaze.world.georeference import Georeference
 from autowaze.world.parking import ParkingMap
@@ -57,10 +58,17 @@ def survey(
     settings = settings or NodeSettings(diff=SURVEY)
     node = VehicleNode(trace.camera, segmenter, settings, start=start, session=session)
     record = run_drive(trace, node, lambda message: None, progress)
+    correct_survey(record, node, trace.camera, start, spots)
+    return record, node.georeference
+
+
+def correct_survey(
+    record: DriveRecord, node: VehicleNode, camera: StereoCamera, start: StartingPoint, spots: ParkingMap | None
+) -> None:
+    """Move the diffs of a finished drive to where it is known to have been, by its loops and by parked vehicles."""
     correct_loops(record, node.slam.loops)
     if spots is not None and start.T_map_cam is not None:
-        register_survey(record, spots, scale_sigma_of(trace.camera))
-    return record, node.georeference
+        register_survey(record, spots, scale_sigma_of(camera))
 
 
 def integrated(messages: Iterable[bytes], georeference: Georeference | None) -> FeatureMap:

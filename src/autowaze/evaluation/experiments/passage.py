@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 import shapely
 
-from autowaze.evaluation.base_map import SURVEY
+from autowaze.evaluation.base_map import SURVEY, correct_survey
 from autowaze.evaluation.drive import DriveRecord, Progress, run_drive
 from autowaze.evaluation.full_map import FullMapUpload
 from autowaze.evaluation.localization import localization_errors
-from autowaze.evaluation.survey_registration import register_survey
 from autowaze.traces import Trace
 from autowaze.vehicle.diffing import FrameObservation
 from autowaze.vehicle.ground_grid import GroundGrid
@@ -123,8 +122,7 @@ def survey_passage(
     """The drive that the base map is made of: no map is known, nothing has to be sent by radio."""
     node = VehicleNode(trace.camera, segmenter, NodeSettings(diff=SURVEY), start=start, session=session)
     record = run_drive(trace, node, lambda message: None, progress)
-    if spots is not None and start.T_map_cam is not None:
-        register_survey(record, spots)
+    correct_survey(record, node, trace.camera, start, spots)
     return _passage(record, node, trace)
 
 

@@ -78,6 +78,12 @@ def retold(new, session):
     return replace(new, id=feature_ids(session, 0, len(new)), instance_key=instance_keys(session, new.instance_key))
 
 
+def landmarks(new, away):
+    """As many features of what stands, so far away (3,)."""
+    nobody = {"label": np.zeros_like(new.label), "instance_key": np.zeros_like(new.instance_key)}
+    return replace(new, position=new.position + away, descriptor=np.ones_like(new.descriptor), **nobody)
+
+
 def of_session(diff, session):
     return STREET.drive(STREET.park([0, 2, 5, 9]), session=session)[diff.sequence]
 
@@ -149,6 +155,7 @@ def test_what_no_camera_sees(town, diffs):
     refused(town, town.send(replace(diff, ground=replace(diff.ground, ix=diff.ground.ix + 800))), "too_far")
     high = replace(diff.new, position=diff.new.position + np.array([0.0, 0.0, 500.0]))
     refused(town, town.send(replace(diff, new=high)), "too_far")
+    refused(town, town.send(replace(diff, new=landmarks(diff.new, np.array([1200.0, 0.0, 0.0])))), "too_far")
     refused(town, town.send(replace(diff, trajectory=diff.trajectory[:0])), "no_path")
     refused(town, town.send(replace(diff, georeference=None)), "no_path")
     refused(town, town.send(replace(diff, end=diff.end + 500.0)), "too_long")
@@ -156,6 +163,11 @@ def test_what_no_camera_sees(town, diffs):
     refused(town, town.send(replace(diff, frames=60_000)), "too_many_frames")
     refused(town, town.send(replace(diff, position_sigma_m=400.0)), "unsure")
     assert town.send(diff).status_code == 202
+
+
+def test_towers_at_the_end_of_a_street_are_taken(town, diffs):
+    towers = landmarks(diffs[0].new, np.array([0.0, 470.0, 120.0]))
+    assert town.send(replace(diffs[0], new=towers)).status_code == 202
 
 
 def test_features_that_are_removed_from_afar(town, diffs):

@@ -19,9 +19,9 @@ from autowaze.cli.demo_table import show_outcome
 from autowaze.cli.options import JsonFile, console
 from autowaze.cli.screenshot import take_screenshot
 from autowaze.evaluation.demonstration.crew import Crews
-from autowaze.evaluation.demonstration.live_service import LiveService
 from autowaze.evaluation.demonstration.performance import Performance
 from autowaze.evaluation.demonstration.story import tell
+from autowaze.evaluation.live_service import LiveService
 from autowaze.evaluation.report import report, write_report
 from autowaze.vehicle.semantics.model_store import BUNDLED
 from autowaze.world.errors import AutowazeError

@@ -24,13 +24,10 @@ from autowaze.cli.options import (
     segmenter,
     show_progress,
 )
-from autowaze.cloud.service import CloudService
 from autowaze.evaluation.datum import Start, starting_point
-from autowaze.evaluation.drive import run_drive
-from autowaze.evaluation.latency import latency_metrics
-from autowaze.evaluation.network import network_metrics
+from autowaze.evaluation.latency import published_metrics
+from autowaze.evaluation.published import published_passes
 from autowaze.evaluation.report import report, write_report
-from autowaze.vehicle.node import VehicleNode
 from autowaze.world.parking import ParkingMap
 
 app = typer.Typer(help="Score the system against ground truth.", no_args_is_help=True)
@@ -56,9 +53,12 @@ def latency(
     method: Annotated[str, typer.Option(help="How the cloud decides: thesis or fused.")] = "fused",
     cameras: Cameras = "auto",
     frames: Frames = "",
+    passes: Annotated[int, typer.Option(help="How often to drive: first with an empty map, then with it.", min=1)] = 3,
     json_file: JsonFile = None,
 ) -> None:
-    """Milliseconds per stage on the car and in the cloud, and from a window's last frame to the update.
+    """Milliseconds per stage on the car and in the cloud, and from a window's last frame to who follows the changes.
+
+    Car, service and listener run on this machine at the pace of the cameras; drive on one that does nothing else.
 
     Example:
 
@@ -68,12 +68,10 @@ def latency(
     network = segmenter(model)
     results: Results = {}
     for path, spot_file in zip(traces, spot_files, strict=True):
-        source, parking = opened(path, cameras, frames), ParkingMap.from_geojson(spot_file)
-        cloud = CloudService(parking, method=method)
-        begin = starting_point(source, parking, start)
-        node = VehicleNode(source.camera, network, start=begin, session=1, spots=parking)
-        record = run_drive(source, node, cloud.receive, show_progress)
-        results[source.name] = {**latency_metrics(record, node, cloud), **network_metrics(record)}
+        source = opened(path, cameras, frames)
+        begin = starting_point(source, ParkingMap.from_geojson(spot_file), start)
+        found = published_passes(source, spot_file, network, begin, passes, method, show_progress)
+        results[source.name] = published_metrics(*found)
     _deliver("latency", {"traces": [str(p) for p in traces], "model": str(model)}, results, json_file)
 
 

@@ -110,7 +110,8 @@ class CarefulAdmission:
             if self._timely is not None:
                 self._timely(diff)
             check_plausible(diff, self._area(service), service.map.georeference, self._limits)
-            check_removed(diff, service.map.positions_of(diff.removed), self._limits)
+            removed = service.map.positions_of(diff.removed), service.map.labels_of(diff.removed)
+            check_removed(diff, *removed, self._limits)
             self._tracks.check(diff, self._sources_of(sender))
         except ForeignSessionError:
             raise

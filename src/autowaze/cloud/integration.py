@@ -8,6 +8,7 @@ its block, hence integrating a diff costs what the diff touches, however large t
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -173,12 +174,18 @@ class MapState:
 
     def positions_of(self, ids: NDArray[np.uint64]) -> NDArray[np.float64]:
         """Positions (R, 3) of those of these features (K,), ids ascending, that are in the map."""
-        found = [np.zeros((0, 3))]
+        return np.concatenate([np.zeros((0, 3)), *(block.position[rows] for block, rows in self._rows_of(ids))])
+
+    def labels_of(self, ids: NDArray[np.uint64]) -> NDArray[np.uint8]:
+        """Labels (R,) in the same way."""
+        return np.concatenate([np.zeros(0, np.uint8), *(block.label[rows] for block, rows in self._rows_of(ids))])
+
+    def _rows_of(self, ids: NDArray[np.uint64]) -> Iterator[tuple[MapFeatures, NDArray[np.bool_]]]:
+        """The blocks that hold some of these features (K,), ids ascending, and which rows they are."""
         for number, of_block in _by_number(ids):
             block = self._blocks.get(number)
             if block is not None:
-                found.append(block.position[among(block.id, of_block)])
-        return np.concatenate(found)
+                yield block, among(block.id, of_block)
 
     def kept(self) -> dict[str, Any]:
         """What it holds, for a snapshot."""

@@ -18,6 +18,7 @@ from autowaze.cloud.path_distance import all_within
 from autowaze.cloud.validation import RefusedDiffError
 from autowaze.world.georeference import Georeference
 from autowaze.world.ground import CELL_M
+from autowaze.world.labels import is_movable
 from autowaze.world.map_diff import SemanticMapDiff
 
 LOOKED_UP_AT_ONCE = 1 << 18
@@ -36,11 +37,13 @@ class Limits:
         most_speed_mps: of a car, 250 km/h.
         most_jump_m: how far a position may be set right at once: visual odometry through a tunnel of 5 km is off by
             1 to 2 % of it when the map or the sky is seen again.
-        feature_sight_m: a feature is told when its depth is certain to 0.35 m; with z = sqrt(sigma_z f b / sigma_d) a
-            rig of f = 2000 px and b = 1 m that matches to 0.15 px sees so far as 68 m.
-        removal_sight_m: what is missing is noticed somewhat farther away.
+        feature_sight_m: a feature of what may be elsewhere tomorrow is told when its depth is certain to 0.35 m; with z
+            = sqrt(sigma_z f b / sigma_d) a rig of f = 2000 px and b = 1 m that matches to 0.15 px sees so far as 68 m.
+        removal_sight_m: what is missing of such things is noticed somewhat farther away.
+        landmark_sight_m: what stands is told from wherever a car in the next lane would see it where it is foretold:
+            towers and roofs at the end of a street; a rig of b = 1 m begins with it 720 m away. No spot hangs on it.
         ground_sight_m: ground is looked at up to 25 m ahead, and as far to the sides.
-        most_height_m: above or below the path.
+        most_height_m: above or below the path; `landmark_height_m` of what stands: 22 degrees upwards at the farthest.
         most_found_per_frame: new features that one frame can bear witness of; 2000 are extracted.
         most_sigma_m: a car that knows its place no better cannot say what stands where.
         area_margin_m: how far from the nearest edge of the parking map a car's reports are of use.
@@ -52,8 +55,10 @@ class Limits:
     most_jump_m: float = 150.0
     feature_sight_m: float = 80.0
     removal_sight_m: float = 120.0
+    landmark_sight_m: float = 1000.0
     ground_sight_m: float = 50.0
     most_height_m: float = 100.0
+    landmark_height_m: float = 400.0
     most_found_per_frame: int = 2000
     most_sigma_m: float = 25.0
     area_margin_m: float = 20_000.0
@@ -96,14 +101,18 @@ def check_plausible(
     _check_sight(diff, path, limits)
 
 
-def check_removed(diff: SemanticMapDiff, position: NDArray[np.float64], limits: Limits | None = None) -> None:
-    """Refuse a diff that removes features (R, 3) of the map from where they cannot be seen.
+def check_removed(
+    diff: SemanticMapDiff, position: NDArray[np.float64], label: NDArray[np.uint8], limits: Limits | None = None
+) -> None:
+    """Refuse a diff that removes features (R, 3) of the map, with these labels (R,), from where they cannot be seen.
 
     Raises:
         RefusedDiffError: they are too far from its path.
     """
     limits = limits or Limits()
-    _within(diff, position, limits.removal_sight_m, "a removed feature")
+    stands = ~is_movable(label)
+    _within(diff, position[~stands], limits.removal_sight_m, "a removed feature")
+    _within(diff, position[stands], limits.landmark_sight_m, "a removed landmark")
 
 
 def _check_window(diff: SemanticMapDiff, limits: Limits) -> None:
@@ -138,10 +147,14 @@ def _check_counts(diff: SemanticMapDiff, limits: Limits) -> None:
 
 
 def _check_sight(diff: SemanticMapDiff, path: PathFacts, limits: Limits) -> None:
-    low, high = path.lowest_m - limits.most_height_m, path.highest_m + limits.most_height_m
-    in_height = all_between(diff.new.position[:, 2], low, high)
-    _require(in_height, "too_far", f"a feature is {limits.most_height_m:.0f} m up or down")
-    _within(diff, diff.new.position, limits.feature_sight_m, "a new feature")
+    stands = ~is_movable(diff.new.label)
+    for position, height_m, sight_m, what in (
+        (diff.new.position[~stands], limits.most_height_m, limits.feature_sight_m, "a new feature"),
+        (diff.new.position[stands], limits.landmark_height_m, limits.landmark_sight_m, "a new landmark"),
+    ):
+        in_height = all_between(position[:, 2], path.lowest_m - height_m, path.highest_m + height_m)
+        _require(in_height, "too_far", f"{what} is {height_m:.0f} m up or down")
+        _within(diff, position, sight_m, what)
     blocks = blocks_of_cells(diff.ground.ix, diff.ground.iy, _BLOCK_BITS)
     centres = np.asarray((blocks + 0.5) * _BLOCK_M, dtype=np.float64)
     _within(diff, centres, limits.ground_sight_m + _BLOCK_M * 0.71, "a ground cell")

@@ -12,9 +12,9 @@ from autowaze.evaluation.base_map import integrated
 from autowaze.evaluation.demonstration import crew
 from autowaze.evaluation.demonstration.city import City, found_city
 from autowaze.evaluation.demonstration.crew import CarReport, Crews
-from autowaze.evaluation.demonstration.live_service import LiveService
 from autowaze.evaluation.demonstration.outcome import CarOutcome, Outcome, compare_changes
 from autowaze.evaluation.demonstration.story import Drive, Story
+from autowaze.evaluation.live_service import LiveService
 from autowaze.evaluation.localization import localization_errors
 from autowaze.world.map_file import save_map
 from autowaze.world.parking import SpotState
@@ -66,7 +66,7 @@ class Performance:
 
     def serve(self, city: City, port: int) -> LiveService:
         """Start the service."""
-        return LiveService(city, self._runs / BASE_MAP, self._runs, port)
+        return LiveService(city.parking_map, self._runs, port, self._runs / BASE_MAP, city.streets)
 
     def drive(self, city: City, service: LiveService, is_paced: bool = False) -> Outcome:
         """Let the cars drive; only then look at the truth."""

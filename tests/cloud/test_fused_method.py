@@ -16,6 +16,7 @@ from autowaze.cloud.row_split import split_along_rows
 from autowaze.cloud.service import CloudService
 from autowaze.cloud.spots import SpotIndex
 from autowaze.cloud.visible_side import boxes_from_visible_side
+from autowaze.world.ground import CELL_M, GroundCells
 from autowaze.world.identity import instance_keys
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.parking import Occupancy
@@ -216,3 +217,19 @@ def test_nobody_looked_nothing_known():
     service = CloudService(Street().parking_map)
     service.integrate(SemanticMapDiff(1, 0, 0.0, 5.0))
     assert {state.occupancy for state in service.states} == {Occupancy.UNKNOWN}
+
+
+@pytest.mark.parametrize(
+    ("free_m", "obstacle_m", "said"), [(3.1, 1.9, Occupancy.VACANT), (1.1, 1.1, Occupancy.OCCUPIED)]
+)
+def test_less_than_a_vehicle_in_a_bay_that_was_seen_whole_is_none(free_m, obstacle_m, said):
+    """From the lane on, free ground and then obstacles: of a bay that was half seen the rest may be a vehicle, too."""
+    street = Street(count=3, heading=0.0, bays=True)
+    x, y = np.meshgrid(np.arange(0.0, 10.0, CELL_M), np.arange(0.0, 20.0, CELL_M))
+    into = x.ravel() - (street.centre(1)[0] - 2.5)
+    rows = np.flatnonzero((into > -1.0) & (into < free_m + obstacle_m))
+    ix, iy = (np.floor(a.ravel()[rows] / CELL_M).astype(np.int32) for a in (x, y))
+    free, obstacle = (a.astype(np.uint16) for a in (9 * (into[rows] <= free_m), 9 * (into[rows] > free_m)))
+    service = CloudService(street.parking_map)
+    service.integrate(SemanticMapDiff(1, 0, 0.0, 5.0, ground=GroundCells(ix, iy, free, obstacle)))
+    assert service.states[1].occupancy is said

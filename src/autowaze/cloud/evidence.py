@@ -21,7 +21,11 @@ PASS_GAP_S = 30.0
 MOST_LOG_ODDS = 5.0
 
 # On real drives obstacles made up at least 0.35 of what was seen of occupied spots, at most 0.13 of vacant ones.
-OBSTACLE_RATIO_EVEN = 0.22
+OBSTACLE_RATIO_EVEN, OBSTACLE_RATIO_EVEN_WHOLE = 0.22, 0.4
+"""Where a part of a spot was seen, which may be its free end, and where all was: a short vehicle, half a metre off the
+middle, still covers so much of it, and stereo smears what stands next door over less."""
+NEARLY_WHOLE_SHARE = 0.75
+"""Share of a spot that must be seen for it to count as more than a part."""
 LOG_ODDS_PER_OBSTACLE_RATIO = 12.0
 ENOUGH_SEEN_SHARE = 0.25
 """Share of a spot that must be seen for its ground to count in full."""
@@ -55,14 +59,14 @@ def evidence_of(
     """
     found = []
     for spot, vehicles in parked.around(spots).items():
-        core = index.raster(spot).core
+        middle = core = index.raster(spot).core
         items: list[Evidence] = []
         for vehicle in vehicles:
             if vehicle.home == spot:
                 items += _of_vehicle(vehicle, vehicle.shares[spot], witnesses)
             else:  # Half a metre of drift makes it lean over the line, and that must not pass for a vehicle here.
                 core = core & ~vehicle.covered(spot, index)
-        found.append(items + _of_ground(votes.windows(spot), core, ground))
+        found.append(items + _of_ground(votes.windows(spot), core, float(core.sum() / middle.sum()), ground))
     return found
 
 
@@ -86,8 +90,8 @@ def _of_vehicle(vehicle: ParkedVehicle, share: float, witnesses: Witnesses) -> l
     ]
 
 
-def _of_ground(windows: list[WindowVotes], core: NDArray[np.bool_], ground: bool) -> list[Evidence]:
-    """One piece of evidence per pass."""
+def _of_ground(windows: list[WindowVotes], core: NDArray[np.bool_], counted: float, ground: bool) -> list[Evidence]:
+    """One piece of evidence per pass, from the cells (C,) of a spot that count, a share of those in its middle."""
     if not windows or not core.any():
         return []
     windows = sorted(windows, key=lambda w: (w.session, w.end, w.sequence))
@@ -98,18 +102,20 @@ def _of_ground(windows: list[WindowVotes], core: NDArray[np.bool_], ground: bool
     found = []
     for first, end, (free_share, obstacle_share) in zip(starts, [*starts[1:], len(windows)], shares, strict=True):
         sigma_m = max(window.sigma_m for window in windows[first:end])
-        log_odds = _log_odds(free_share, obstacle_share, ground) / (1.0 + (sigma_m / POSITION_SIGMA_M) ** 2)
+        log_odds = _log_odds(free_share, obstacle_share, counted, ground) / (1.0 + (sigma_m / POSITION_SIGMA_M) ** 2)
         reason = f"ground {free_share:.0%} free, {obstacle_share:.0%} obstacle"
         found.append(Evidence(windows[end - 1].end, log_odds, reason, windows[first].source))
     return found
 
 
-def _log_odds(free_share: float, obstacle_share: float, ground: bool) -> float:
-    """Of a pass that saw these shares of a spot free and with obstacles, its place certain."""
+def _log_odds(free_share: float, obstacle_share: float, counted: float, ground: bool) -> float:
+    """Of a pass that saw these shares free and with obstacles of what counts of a spot, its place certain."""
     seen = free_share + obstacle_share
     if not ground:
         return max(-seen, -MOST_LOG_ODDS)
-    lean = obstacle_share / max(seen, 1e-9) - OBSTACLE_RATIO_EVEN
+    whole = max(seen * counted - NEARLY_WHOLE_SHARE, 0.0) / (1.0 - NEARLY_WHOLE_SHARE)
+    even = OBSTACLE_RATIO_EVEN + (OBSTACLE_RATIO_EVEN_WHOLE - OBSTACLE_RATIO_EVEN) * whole
+    lean = obstacle_share / max(seen, 1e-9) - even
     counts_from = GLIMPSE_SHARE if lean < 0 else 0.0
     weight = min(max((seen - counts_from) / (ENOUGH_SEEN_SHARE - counts_from), 0.0), 1.0)
     log_odds = LOG_ODDS_PER_OBSTACLE_RATIO * lean * weight

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from autowaze.cloud.plausibility import check_plausible
 from autowaze.cloud.service import CloudService
 from autowaze.evaluation.accuracy import Confusion, confusion, read_truth
 from autowaze.evaluation.base_map import build_base_map
@@ -86,6 +87,11 @@ def test_a_five_second_diff_fits_into_60_kilobytes(streets: list[StreetDrive]) -
     sizes = [len(message) for street in streets for message in street.record.messages]
     assert len(sizes) >= 5
     assert max(sizes) <= 60_000
+
+
+def test_a_service_believes_what_the_cars_tell(streets: list[StreetDrive]) -> None:
+    for diff in (decode_diff(message) for street in streets for message in street.record.messages):
+        check_plausible(diff)
 
 
 def test_vacant_spots_come_as_the_thesis_wants_them(streets: list[StreetDrive]) -> None:

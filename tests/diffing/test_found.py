@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from autowaze.vehicle.diffing.found import FoundLandmarks
 from autowaze.vehicle.diffing.novelty import Candidates
+from autowaze.vehicle.diffing.settings import DiffSettings
 from autowaze.vehicle.slam.landmarks import Landmarks
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame, TrackingState
 from autowaze.world.camera import StereoCamera
@@ -30,7 +31,7 @@ def found_from(places_along: NDArray[np.float64]) -> Candidates:
         features = replace(none, **columns | {"depth": seen[:, 2], "position_cam": seen})
         state, nothing = TrackingState.ODOMETRY, np.zeros(0, np.int64)
         found.add(TrackedFrame(index, 0.1 * index, state, "", T, np.eye(6), 3, 0, ids, nothing), features)
-    return found.candidates(landmarks, nothing)
+    return found.candidates(landmarks, nothing, DiffSettings())
 
 
 def test_a_short_baseline_knows_far_places_once_the_car_has_moved() -> None:
@@ -47,5 +48,5 @@ def test_what_lies_straight_ahead_stays_uncertain() -> None:
 
 
 def test_stereo_tells_where_near_things_are() -> None:
-    standing = found_from(np.zeros(2))
+    standing = found_from(np.zeros(3))
     assert np.isclose(standing.position_sigma_m[NEAR], standing.depth_sigma_m[NEAR], rtol=0.05)

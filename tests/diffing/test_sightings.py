@@ -41,8 +41,9 @@ def test_a_place_is_as_sure_as_the_information_of_its_views() -> None:
     centre, position = rng.uniform(-1, 1, (4, 3)), rng.uniform(3, 30, (20, 3))
     depth_sigma = rng.uniform(0.02, 3.0, 20)
     starts, order = np.arange(0, 81, 4), np.arange(80)
-    sigma = position_sigmas(starts, order, order % 4, centre, position, depth_sigma, corner_px=700.0)
-    for place, sigma_m, told in zip(position, depth_sigma, sigma, strict=True):
+    sigma = position_sigmas(starts, order, order % 4, centre, position, depth_sigma, np.arange(20) > 0, 700.0)
+    assert np.isinf(sigma[0])
+    for place, sigma_m, told in zip(position[1:], depth_sigma[1:], sigma[1:], strict=True):
         rays = place - centre
         distance = np.linalg.norm(rays, axis=1)
         units = rays / distance[:, None]

@@ -33,7 +33,8 @@ class Candidates:
         found: (N,) int64, frames that matched it.
         wanted: (N,) int64, those of them that found too little of the stored map.
         depth_sigma_m: (N,) float64, of its nearest observation.
-        position_sigma_m: (N,) float64, of its position where it is known worst, by all views of it together.
+        position_sigma_m: (N,) float64, of its position where it is known worst, by all views of it together; infinite
+            for those that were not found often enough to be sent.
         offset_px: (N,) float64, how far off such an error makes it appear in the next lane.
         deviation_m: (N,) float64, how far its position lies from where that observation saw it.
     """
@@ -74,9 +75,7 @@ def new_features(
     place_is_certain = candidates.position_sigma_m <= settings.max_depth_sigma_m
     place_is_certain |= candidates.offset_px <= settings.max_offset_px
     eligible = (
-        np.where(
-            movable, candidates.found >= settings.min_found_vehicle, candidates.wanted >= settings.min_found_static
-        )
+        found_often_enough(candidates.label, candidates.found, candidates.wanted, settings)
         & np.where(movable, depth_is_certain, place_is_certain)
         & (candidates.deviation_m <= _SIGMAS * candidates.depth_sigma_m + settings.max_depth_sigma_m)
         & ~np.isin(candidates.instance, moving_instances[moving_instances != 0])
@@ -91,6 +90,14 @@ def new_features(
     standing = standing[~any_within(stored_static, candidates.position[standing], settings.spread_m)]
     static = _best_spread(candidates, standing, limit, settings.spread_m)
     return np.concatenate([static, instanced])[:MAX_FEATURES_PER_DIFF]
+
+
+def found_often_enough(
+    label: NDArray[np.uint8], found: NDArray[np.int64], wanted: NDArray[np.int64], settings: DiffSettings
+) -> NDArray[np.bool_]:
+    """Mask (N,) of the landmarks, with columns as of `Candidates`, that enough frames found or wanted."""
+    often = np.where(is_movable(label), found >= settings.min_found_vehicle, wanted >= settings.min_found_static)
+    return np.asarray(often)
 
 
 def replaced_features(
@@ -175,9 +182,11 @@ def _ranked_in_cells(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The rows by group (N,) and cubic cell, the best-seen of each first, and how many come before each in its cell."""
     cell = np.floor(candidates.position[rows] / edge_m).astype(np.int64)
-    keys = (group, cell[:, 0], cell[:, 1], cell[:, 2])
-    order = np.lexsort((candidates.landmark_id[rows], -candidates.found[rows], *keys[::-1]))
-    return rows[order], _rank_in_runs(*(key[order] for key in keys))
+    cell -= cell.min(axis=0, initial=0)
+    x, y, z = (cell * np.append(np.cumprod((cell.max(axis=0, initial=0) + 1)[:0:-1])[::-1], 1)).T
+    number = x + y + z
+    order = np.lexsort((candidates.landmark_id[rows], -candidates.found[rows], number, group))
+    return rows[order], _rank_in_runs(group[order], number[order])
 
 
 def _rank_in_runs(*keys: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -59,6 +59,7 @@ def position_sigmas(
     centre: NDArray[np.float64],
     position: NDArray[np.float64],
     depth_sigma_m: NDArray[np.float64],
+    is_asked: NDArray[np.bool_],
     corner_px: float,
 ) -> NDArray[np.float64]:
     """Standard deviation (N,) of landmarks in the direction in which the place of each is known worst, metres.
@@ -70,9 +71,12 @@ def position_sigmas(
         starts, order: see `by_landmark`.
         frame: (S,) of each sighting; centre: (F, 3) of the camera in each frame, map metres.
         position: (N, 3) of the landmarks, map metres; depth_sigma_m: (N,) of the nearest depth measured.
+        is_asked: (N,) of which landmarks it is asked; of others it is infinite.
         corner_px: f / sigma, focal length over the standard deviation of corners.
     """
-    sigmas: NDArray[np.float64] = _position_sigmas(starts, order, frame, centre, position, depth_sigma_m, corner_px)
+    sigmas: NDArray[np.float64] = _position_sigmas(
+        starts, order, frame, centre, position, depth_sigma_m, is_asked, corner_px
+    )
     return sigmas
 
 
@@ -130,11 +134,11 @@ def _majority(values):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _position_sigmas(starts, order, frame, centre, position, depth_sigma_m, corner_px):  # type: ignore[no-untyped-def]
-    sigmas = np.empty(len(position))
+def _position_sigmas(starts, order, frame, centre, position, depth_sigma_m, is_asked, corner_px):  # type: ignore[no-untyped-def]
+    sigmas = np.full(len(position), np.inf)
     most = np.max(np.diff(starts)) if len(position) else 0
     rays, distances, information = np.empty((most, 3)), np.empty(most), np.empty((3, 3))
-    for k in range(len(position)):
+    for k in np.flatnonzero(is_asked):
         count = starts[k + 1] - starts[k]
         for i in range(count):
             seen_from = frame[order[starts[k] + i]]

@@ -75,6 +75,7 @@ class DiffWindow:
         self._sent = np.zeros(0, np.int64)
         self._removed = np.zeros(0, np.uint64)
         self.looked_for = LookedFor.empty()
+        self._found = FoundLandmarks(camera)
         self._ground = GroundGrid(self._area_of(spots))
         self._rows = RowRegistration(self._of_this_frame(spots))
         self._place: tuple[NDArray[np.float64], float] | None = None
@@ -189,7 +190,7 @@ class DiffWindow:
         self._sigmas: list[float] = []
         self._path: list[tuple[float, NDArray[np.float64], float]] = []
         self._localized = 0
-        self._found = FoundLandmarks(self.camera)
+        self._found.clear()
         self._stored_watch = StoredFeatureWatch(self._stored.features, self.settings.known_radius_m, self.camera)
         self._instances = InstanceRecord(self.session)
 
@@ -251,7 +252,7 @@ class DiffWindow:
         self, landmarks: Landmarks, n_cells: int
     ) -> tuple[MapFeatures, NDArray[np.int64], NDArray[np.uint64]]:
         """New features in wire order, the landmarks that they are, and ids of stored ones in whose place they are."""
-        candidates = self._found.candidates(landmarks, self._sent)
+        candidates = self._found.candidates(landmarks, self._sent, self.settings)
         stored = self._stored.features[self._near_path(self._stored.features)]
         stored = stored[~np.isin(stored.id, self._removed)]
         vehicle = is_vehicle(stored.label)

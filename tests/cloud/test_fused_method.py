@@ -12,6 +12,7 @@ from autowaze.cloud.grouping import split_in_space
 from autowaze.cloud.instances import InstanceTable
 from autowaze.cloud.merging import merge_boxes
 from autowaze.cloud.methods import FUSED
+from autowaze.cloud.rejoining import rejoin_parts
 from autowaze.cloud.row_split import split_along_rows
 from autowaze.cloud.service import CloudService
 from autowaze.cloud.spots import SpotIndex
@@ -140,6 +141,22 @@ def test_an_id_on_two_cars_side_by_side_is_cut_between_them(drift):
     spots = SpotIndex(street.parking_map)
     assert split_along_rows(groups_of(points), spots).sizes.tolist() == [18, 18]
     assert split_along_rows(groups_of(points[:18], points[18:]), spots).sizes.tolist() == [18, 18]
+
+
+@pytest.mark.parametrize(("pieces", "vehicles"), [([(-2.1, 0.4), (1.3, 2.1)], 1), ([(-2.1, 2.1), (3.9, 4.9)], 2)])
+def test_a_gap_in_the_side_of_a_car_makes_no_second_one(pieces, vehicles):
+    street = Street(count=6)
+    along = np.concatenate([np.arange(first, last, 0.1) for first, last in pieces])[:, None] * street.along
+    side = street.centre(2) - 0.9 * street.across
+    groups = groups_of(np.column_stack([along + side, np.zeros(len(along))]), np.full((5, 3), 90.0))
+    groups.views.view_direction[:] = street.across
+    spots = SpotIndex(street.parking_map)
+    parts = split_in_space(groups)
+    wholes = rejoin_parts(parts, boxes_from_visible_side(parts, spots))
+    assert len(parts) == 3
+    assert len(wholes) == vehicles + 1
+    assert wholes.sizes.sum() == parts.sizes.sum()
+    assert wholes.views.key.tolist() == [1] * vehicles + [2]
 
 
 def test_the_spot_pulls_a_parked_car_of_few_points_and_none_in_the_lane():

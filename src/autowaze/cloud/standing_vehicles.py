@@ -12,6 +12,7 @@ from autowaze.cloud.integration import MapState
 from autowaze.cloud.methods import Method
 from autowaze.cloud.outliers import remove_outliers
 from autowaze.cloud.parked_vehicles import ParkedVehicles
+from autowaze.cloud.rejoining import rejoin_parts
 from autowaze.cloud.row_split import split_along_rows
 from autowaze.cloud.scene import VehicleScene
 from autowaze.cloud.spots import SpotIndex
@@ -52,8 +53,10 @@ class StandingVehicles:
     def draw(self, groups: VehicleGroups) -> VehicleBoxes:
         """Boxes around groups."""
         if self._method.visible_side:
-            groups = split_along_rows(split_in_space(groups), self._spots)
-            return boxes_from_visible_side(groups, self._spots)
+            parts = split_along_rows(split_in_space(groups), self._spots)
+            boxes = boxes_from_visible_side(parts, self._spots)
+            wholes = rejoin_parts(parts, boxes)
+            return boxes if wholes is parts else boxes_from_visible_side(wholes, self._spots)
         return boxes_of_average_size(groups, self._spots)
 
     def place(self, instances: NDArray[np.uint64], boxes: VehicleBoxes) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:

@@ -12,7 +12,17 @@ from autowaze.evaluation.accuracy import Confusion
 from autowaze.evaluation.demonstration.outcome import CarOutcome, Outcome
 from autowaze.world.parking import Occupancy
 
-_CAR_STAGES = ("segmentation", "features", "object tracking", "association", "slam", "motion", "ground", "diff")
+_CAR_STAGES = (
+    "segmentation",
+    "features",
+    "object tracking",
+    "association",
+    "slam",
+    "motion",
+    "ground",
+    "diff",
+    "closing",
+)
 
 
 def show_outcome(outcome: Outcome) -> None:

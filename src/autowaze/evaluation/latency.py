@@ -15,8 +15,8 @@ from autowaze.world.stage_times import StageTimes
 
 _TRACKING = ("features", "slam")
 """What the thesis counts as tracking: features with depth, matching, pose."""
-_AMORTISED = ("diff", "ground")
-"""What the end of a window would cost if it were spread over its frames: the work of each and its part of the rest."""
+_AMORTISED = {"diff": ("diff", "closing"), "ground": ("ground",)}
+"""What is not done in every frame, and its work in those that do it, as a share of every frame."""
 
 
 def latency_metrics(record: DriveRecord, node: VehicleNode, cloud: CloudService | None = None) -> dict[str, float]:
@@ -65,8 +65,11 @@ def _of_the_car(times: StageTimes) -> dict[str, float]:
         "track_ms_median": float(np.median(tracking)),
         "track_ms_p95": float(np.percentile(tracking, 95)),
     } | _by_stage(times)
-    per_frame = {stage: float(np.mean(times.milliseconds[stage])) for stage in _AMORTISED if times.milliseconds[stage]}
-    return out | {f"{stage}_ms_mean": mean for stage, mean in per_frame.items()}
+    per_frame = {
+        name: sum(sum(times.milliseconds.get(stage, ())) for stage in stages) / len(tracking)
+        for name, stages in _AMORTISED.items()
+    }
+    return out | {f"{name}_ms_per_frame": mean for name, mean in per_frame.items()}
 
 
 def _by_stage(times: StageTimes) -> dict[str, float]:

@@ -131,14 +131,16 @@ class VehicleNode:
             tracked = self.slam.track(features, frame.timestamp, frame.index, self._gnss_position(frame), on_moving)
         with self.times.stage("motion"):
             motions = self._moved(features, tracked, frame)
-        with self.times.stage("ground"):
-            ground = self._look_at_ground(frame, tracked.T_map_cam, tracks) if tracked.is_trustworthy else None
+        ground = self._look_at_ground(frame, tracked.T_map_cam, tracks) if tracked.is_trustworthy else None
         self._poses = [*self._poses[-1:], tracked.T_map_cam]
         self._frames += 1
         self.observation = FrameObservation(tracked, features, tracks, motions, ground)
         with self.times.stage("diff"):
             self.window.add(self.observation, self.slam.landmarks)
-            return self._closed_window() if self.window.is_complete else None
+        if not self.window.is_complete:
+            return None
+        with self.times.stage("closing"):
+            return self._closed_window()
 
     def adopt(self, update: MapUpdate) -> None:
         """Change the stored map between two windows, that is before the first frame or after one that gave a diff.
@@ -227,6 +229,7 @@ class VehicleNode:
     def _look_at_ground(self, frame: StereoFrame, T_map_cam: Pose, tracks: Tracks) -> GroundObservation | None:
         if self._frames % self.settings.ground_every:
             return None
-        moving = np.isin(tracks.id, self._motion.moving_ids)
-        mask = np.asarray(tracks.mask[moving].any(axis=0)) if moving.any() else None
-        return self._ground.observe(frame, T_map_cam, mask)
+        with self.times.stage("ground"):
+            moving = np.isin(tracks.id, self._motion.moving_ids)
+            mask = np.asarray(tracks.mask[moving].any(axis=0)) if moving.any() else None
+            return self._ground.observe(frame, T_map_cam, mask)

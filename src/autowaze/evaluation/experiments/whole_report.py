@@ -71,7 +71,7 @@ class Report:
         cloud = sum(median for stage, (median, _) in summary.items() if stage.startswith("cloud"))
         thesis = {
             "slam": f"{printed.LATENCY_MS['tracking']:.0f} with features; here {tracking:.0f}",
-            "diff": f"{printed.LATENCY_MS['diff']:.0f}",
+            "closing": f"{printed.LATENCY_MS['diff']:.0f}, the diff in all",
             "cloud: occupancy": f"{printed.LATENCY_MS['cloud']:.0f} in all; here {cloud:.0f}",
             END_TO_END: f"{printed.LATENCY_MS['end to end']:.0f}, with a GPU",
         }
@@ -81,8 +81,9 @@ class Report:
         strong = frozenset(row for row, stage in enumerate(summary) if stage == END_TO_END)
         blocks: list[Block] = [
             Text(
-                "Milliseconds; stages of the car per frame, of the cloud per diff. Segmentation runs beside the "
-                "features. End to end is from the last frame of a window to the published update, all in one process. "
+                "Milliseconds; stages of the car per frame, of the ground per look, of closing and of the cloud per "
+                "diff. Segmentation runs beside the features. End to end is from the last frame of a window to the "
+                "published update, all in one process. "
                 f"When this began, {table.others_busy:.1f} processes wanted a core."
             ),
             Text(_where_time_goes(summary)),

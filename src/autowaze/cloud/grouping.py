@@ -71,7 +71,7 @@ def split_in_space(groups: VehicleGroups, gap_m: float = SPLIT_GAP_M) -> Vehicle
 
     In a dense row a track may jump to the next car; the gap between the two shows it.
     """
-    part = number_parts(groups.position[:, :2], groups.starts, gap_m)
+    part = number_parts(np.ascontiguousarray(groups.position[:, :2]), groups.starts, gap_m)
     first = np.unique(part, return_index=True)[1]
     order = np.argsort(part, kind="stable")
     return VehicleGroups(groups.position[order], part[order], groups.views[groups.group[first]])

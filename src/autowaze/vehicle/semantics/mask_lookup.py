@@ -35,10 +35,10 @@ def instances_at(features: CameraFeatures, instances: Detections | Tracks) -> ND
 def _far_to_near(features: CameraFeatures, instances: Detections | Tracks) -> NDArray[np.int64]:
     """Rows of the instances, those without depth first."""
     row, column = _pixels(features, *instances.mask.shape[1:])
-    depth = np.where(instances.mask[:, row, column], features.depth, np.nan)
-    known = np.isfinite(depth).sum(axis=1) >= _MIN_DEPTHS
+    inside = instances.mask[:, row, column] & np.isfinite(features.depth)
     median = np.full(len(instances), np.inf)
-    median[known] = np.nanmedian(depth[known], axis=1)
+    for i in np.flatnonzero(np.count_nonzero(inside, axis=1) >= _MIN_DEPTHS):
+        median[i] = np.median(features.depth[inside[i]])
     return np.argsort(-median, kind="stable")
 
 

@@ -1,7 +1,7 @@
 """What real cameras, suns and streets add to clean pictures, drawn at random and drawn wide.
 
-Tone curves that crush blacks and burn skies, hard shadows of houses and trees, dapples, blur and sharpening, noise, compression, texture
-over what is no instance, and things before the instances.
+Tone curves that crush blacks and burn skies, hard shadows of houses and trees, dapples, blur and sharpening, noise,
+compression, texture over what is no instance, and things before the instances.
 """
 
 from __future__ import annotations

@@ -23,15 +23,15 @@ from autowaze.world.instances import Detections
 
 CLASSES = ("vehicle", "two-wheeler", "person", "cone")
 """What the bundled model tells apart; a cone may be any barrier of road works."""
-LINKS = ((1, 0), (0, 1), (3, 0), (0, 3), (8, 0), (0, 8), (5, 5), (-5, 5), (20, 0), (0, 16))
+LINKS = ((1, 0), (0, 1), (3, 0), (0, 3), (8, 0), (0, 8), (5, 5), (-5, 5), (25, 0), (0, 20))
 """Columns and rows from a cell to those that it is linked with. The near ones see a seam, the far ones see across a
 seam that is blurred, or a post that parts a car in two."""
 OUTPUT_STRIDE = 2
 
 _REACH = np.array(LINKS, np.int64)
-_BIAS = 0.75
+_BIAS = 1.25
 """Logit. Training counts pairs of cells that are apart more often than they come: the network says it too soon."""
-_MIN_CONFIDENCE = 0.6
+_MIN_CONFIDENCE = 0.72
 _LONG_SIDE = 1152
 _CERTAIN = 4.0
 _MIN_CELLS, _MIN_CELLS_OF_VEHICLE = 8, 100
@@ -105,8 +105,8 @@ def group_cells(
     Returns:
         owner: (h, w) int16, number of the instance that a cell belongs to, -1 for none.
         margin: (h, w) float32, logit of the best class above that of the background.
-        confidence: (K,) float32 in 0..1: how sure its cells are of their class, times how sure the links that begin in
-            it are of where it ends.
+        confidence: (K,) float32 in 0..1: how sure its cells are of their class, times the root of how sure the links
+            that begin in it are of where it ends: a seam may be in doubt where a vehicle is not.
         class_number: (K,) int64.
     """
     margin, kind = _foreground(cells[: -len(LINKS)])
@@ -168,7 +168,7 @@ def _judged(
                     same = _sigmoid(links[link, y, x])
                     held[k] += same if owner[v, u] == k else 1.0 - same
                     asked[k] += 1
-    confidence = shown / np.maximum(cells, 1) * held / np.maximum(asked, 1)
+    confidence = shown / np.maximum(cells, 1) * np.sqrt(held / np.maximum(asked, 1))
     return confidence.astype(np.float32), class_number
 
 

@@ -76,6 +76,12 @@ def test_a_car_leaves_with_the_features_that_were_looked_for_too_seldom() -> Non
     assert removed_of_last_part(parts).all()
 
 
+def test_a_far_car_of_which_few_features_were_judged_does_not_leave_as_a_whole() -> None:
+    assert not removed_of_last_part(
+        [*HOUSES, (6, 77, 0, {Sight.SURFACE: 4}), (80, 77, 0, {Sight.SURFACE: 1})],
+    ).any()
+
+
 def test_the_last_features_of_a_car_that_shares_its_id_go_with_the_rest_of_it() -> None:
     """Too few in their cell to be judged by it, another car behind them, and more of the id stands than is gone."""
     parts = [*HOUSES, (40, 77, 6, {Sight.SURFACE: 4}), (8, 77, 0, {Sight.THROUGH: 8}), (1, 77, 0, {Sight.SURFACE: 8})]

@@ -11,6 +11,9 @@ from scipy.spatial import cKDTree
 from autowaze.vehicle.diffing.settings import DiffSettings
 from autowaze.vehicle.diffing.visibility import Sight
 
+_ENOUGH_JUDGED = 0.25
+"""Share of an instance's features in view that must be judged before they speak for it as a whole."""
+
 
 @dataclass(frozen=True)
 class LookedFor:
@@ -98,9 +101,14 @@ def _groups(*keys: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _mostly(gone: NDArray[np.bool_], judged: NDArray[np.bool_], instance_key: NDArray[np.uint64]) -> NDArray[np.bool_]:
-    """Mask (N,) of the features of instances most of whose judged features are gone."""
+    """Mask (N,) of the features of instances most of whose judged features are gone.
+
+    Where few of those in view were looked for often enough to be judged, the instance only just came into view: they
+    do not speak for the others.
+    """
     group = np.unique(instance_key, return_inverse=True)[1]
-    mostly = 2 * np.bincount(group, weights=gone) > np.bincount(group, weights=judged)
+    n_judged = np.bincount(group, weights=judged)
+    mostly = (2 * np.bincount(group, weights=gone) > n_judged) & (n_judged >= _ENOUGH_JUDGED * np.bincount(group))
     return np.asarray(mostly[group] & (instance_key != 0))
 
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from autowaze.cloud.diff_kernels import among, starts_of_blocks
+from autowaze.cloud.diff_kernels import among
+from autowaze.cloud.feature_blocks import block_of, by_block, by_number
 from autowaze.cloud.instances import InstanceTable
 from autowaze.cloud.map_tiles import MapTiles, OutdatedMapError
 from autowaze.cloud.removals import RemovalVotes
@@ -25,7 +25,7 @@ from autowaze.cloud.vehicle_features import VehicleFeatures
 from autowaze.cloud.witnesses import Witnesses
 from autowaze.world.feature_map import FeatureMap, MapFeatures
 from autowaze.world.georeference import Georeference
-from autowaze.world.identity import ROW_BITS, SEQUENCE_BITS, instance_keys
+from autowaze.world.identity import SEQUENCE_BITS, instance_keys
 from autowaze.world.labels import is_vehicle
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.map_update import MapUpdate
@@ -83,7 +83,7 @@ class MapState:
         self._removed_of = RemovedOfInstances()
         self._blocks_of_instance: dict[int, set[int]] = {}
         self._left: deque[tuple[int, int]] = deque()
-        for number, block in _by_block(base_map.features):
+        for number, block in by_block(base_map.features):
             self._insert(number, block)
             self.tiles.insert(number, block, base_map.version)
 
@@ -129,14 +129,14 @@ class MapState:
         self._votes.require_room(len(diff.removed), self._witnesses.of(diff.session))
         self._accepted[diff.session] = self._accepted.get(diff.session, 0) | 1 << diff.sequence
         self._accepted_count += 1
-        added, overtaken = self._add(_block_of(diff), diff.new)
+        added, overtaken = self._add(block_of(diff), diff.new)
         removed = self._remove(diff.removed, self._witnesses.of(diff.session), diff.end)
         gone = removed
         if len(added) and ((removed.id >= added.id[0]) & (removed.id <= added.id[-1])).any():
             added, gone = added[~among(added.id, removed.id)], removed[~among(removed.id, added.id)]
         cells = self.tiles.cells_of(np.concatenate([added.position, gone.position]))
         of_added, of_gone = (None, None) if cells is None else (cells[: len(added)], cells[len(added) :])
-        tiles = {*self.tiles.insert(_block_of(diff), added, self.version, of_added)}
+        tiles = {*self.tiles.insert(block_of(diff), added, self.version, of_added)}
         tiles.update(self.tiles.remove(gone, self.version, of_gone))
         own = instance_keys(diff.session, diff.instances.id)
         self.instances.add(own, diff)
@@ -182,7 +182,7 @@ class MapState:
 
     def _rows_of(self, ids: NDArray[np.uint64]) -> Iterator[tuple[MapFeatures, NDArray[np.bool_]]]:
         """The blocks that hold some of these features (K,), ids ascending, and which rows they are."""
-        for number, of_block in _by_number(ids):
+        for number, of_block in by_number(ids):
             block = self._blocks.get(number)
             if block is not None:
                 yield block, among(block.id, of_block)
@@ -253,7 +253,7 @@ class MapState:
 
     def _remove(self, ids: NDArray[np.uint64], source: int, end: float) -> MapFeatures:
         gone = []
-        for number, of_block in _by_number(ids):
+        for number, of_block in by_number(ids):
             block = self._blocks.get(number)
             if block is None and self._arrived(number):
                 continue
@@ -296,24 +296,3 @@ class MapState:
     def _arrived(self, number: int) -> bool:
         session, sequence = number >> SEQUENCE_BITS, number & ((1 << SEQUENCE_BITS) - 1)
         return bool(self._accepted.get(session, 0) >> sequence & 1)
-
-
-def _block_of(diff: SemanticMapDiff) -> int:
-    return diff.session << SEQUENCE_BITS | diff.sequence
-
-
-def _by_number(ids: NDArray[np.uint64]) -> list[tuple[int, NDArray[np.uint64]]]:
-    """Ascending ids (K,) split by the number of their block."""
-    starts = starts_of_blocks(ids).tolist()
-    return [(int(ids[a]) >> ROW_BITS, ids[a:b]) for a, b in pairwise(starts)]
-
-
-def _by_block(features: MapFeatures) -> list[tuple[int, MapFeatures]]:
-    """Features (N,) split by the diff that brought them, each part sorted by id."""
-    if len(features) == 0:
-        return []
-    if (features.id[1:] < features.id[:-1]).any():
-        features = features[np.argsort(features.id, kind="stable")]
-    numbers, starts = np.unique(features.id >> np.uint64(ROW_BITS), return_index=True)
-    ends = np.append(starts[1:], len(features))
-    return [(int(n), features[slice(a, b)]) for n, a, b in zip(numbers, starts, ends, strict=True)]

@@ -38,6 +38,15 @@ def test_one_detection_cannot_stand_for_two_cars():
     assert summarise([score_frame(found(A, B), masks(A, B))])["touching_separated"] == 1.0
 
 
+def test_two_cars_are_apart_when_each_has_a_detection_of_its_own_however_poor():
+    sliver = (30, 10, 34, 30)
+    scores = summarise([score_frame(found(A, sliver), masks(A, B))])
+    assert (scores["touching_separated"], scores["touching_found"]) == (1.0, 0.0)
+    unseen = summarise([score_frame(found(A), masks(A, B))])
+    assert (unseen["touching_separated"], unseen["touching_found"]) == (0.0, 0.0)
+    assert summarise([score_frame(found(), masks(A, B))])["touching_separated"] == 0.0
+
+
 def test_what_is_found_twice_costs_precision():
     scores = summarise([score_frame(found(A, (11, 10, 30, 30)), masks(A))])
     assert (scores["precision"], scores["recall"]) == (0.5, 1.0)

@@ -52,18 +52,20 @@ class FrameScore:
         matches: the detections.
         true_area: (T,) int64, pixels of the true instances.
         found: (T,) bool, which of them were found.
+        shown_by: (T,) int64, row of the detection that shows most of each true instance, -1 for none.
         touching: (P, 2) int64, rows of true instances that touch in the image.
     """
 
     matches: MaskMatches
     true_area: NDArray[np.int64]
     found: NDArray[np.bool_]
+    shown_by: NDArray[np.int64]
     touching: NDArray[np.int64]
 
 
 def score_frame(detections: Detections, true_masks: NDArray[np.bool_]) -> FrameScore:
     """Match detections with true masks (T, H, W), one to one, so that the total overlap is greatest."""
-    iou, area, true_area = _mask_ious(detections.mask, true_masks)
+    iou, shared, area, true_area = _mask_overlaps(detections.mask, true_masks)
     d, t = linear_sum_assignment(np.where(iou >= MIN_IOU, iou, 0.0), maximize=True)
     good = iou[d, t] >= MIN_IOU
     correct = np.zeros(len(detections), np.bool_)
@@ -71,25 +73,32 @@ def score_frame(detections: Detections, true_masks: NDArray[np.bool_]) -> FrameS
     found = np.zeros(len(true_masks), np.bool_)
     found[t[good]] = True
     area[d[good]] = true_area[t[good]]
-    return FrameScore(MaskMatches(detections.confidence, area, correct), true_area, found, _touching(true_masks))
+    shown_by = np.full(len(true_masks), -1)
+    if len(detections):
+        shown_by = np.where(shared.any(axis=0), shared.argmax(axis=0), -1)
+    matches = MaskMatches(detections.confidence, area, correct)
+    return FrameScore(matches, true_area, found, shown_by, _touching(true_masks))
 
 
 def summarise(frames: list[FrameScore], min_area: float = 0, max_area: float = np.inf) -> dict[str, float]:
     """Precision, recall and AP50 over true instances and detections of `min_area` to `max_area` pixels.
 
     A detection that matches a true instance of another size counts neither way, as in COCO's scores by size. Of the
-    pairs that touch, those count whose instances both are of that size; they are separated when both were found.
+    pairs that touch, those count whose instances both are of that size: they are separated when each is shown, for the
+    most part, by a detection of its own, and found when both match theirs.
     """
     matches = MaskMatches.concatenate([f.matches for f in frames])
     matches = matches[(matches.area >= min_area) & (matches.area < max_area)]
-    n_true = n_found = pairs = separated = 0
+    n_true = n_found = pairs = separated = pairs_found = 0
     for f in frames:
         counts = (f.true_area >= min_area) & (f.true_area < max_area)
         both = counts[f.touching].all(axis=1)
         n_true += int(counts.sum())
         n_found += int((f.found & counts).sum())
         pairs += int(both.sum())
-        separated += int(f.found[f.touching[both]].all(axis=1).sum())
+        pairs_found += int(f.found[f.touching[both]].all(axis=1).sum())
+        one, other = f.shown_by[f.touching[both]].T
+        separated += int(((one >= 0) & (other >= 0) & (one != other)).sum())
     return {
         "instances": float(n_true),
         "precision": float(matches.correct.mean()) if len(matches) else 1.0,
@@ -97,6 +106,7 @@ def summarise(frames: list[FrameScore], min_area: float = 0, max_area: float = n
         "ap50": average_precision(matches, n_true),
         "touching_pairs": float(pairs),
         "touching_separated": separated / pairs if pairs else 1.0,
+        "touching_found": pairs_found / pairs if pairs else 1.0,
     }
 
 
@@ -172,15 +182,15 @@ def average_precision(matches: MaskMatches, n_true: int) -> float:
     return float(np.append(precision, 0.0)[at].mean())
 
 
-def _mask_ious(
+def _mask_overlaps(
     masks: NDArray[np.bool_], true_masks: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
-    """IoU (D, T) and areas (D,), (T,) in pixels."""
+) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.int64], NDArray[np.int64]]:
+    """IoU (D, T), pixels in common (D, T), and areas (D,), (T,) in pixels."""
     a, b = (m.reshape(len(m), m.shape[1] * m.shape[2]).astype(np.float32) for m in (masks, true_masks))
     area, true_area = a.sum(axis=1), b.sum(axis=1)
     shared = a @ b.T
     union = np.maximum(area[:, None] + true_area[None, :] - shared, 1.0)
-    return (shared / union).astype(np.float64), area.astype(np.int64), true_area.astype(np.int64)
+    return (shared / union).astype(np.float64), shared, area.astype(np.int64), true_area.astype(np.int64)
 
 
 def _touching(masks: NDArray[np.bool_]) -> NDArray[np.int64]:

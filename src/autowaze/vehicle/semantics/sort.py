@@ -18,6 +18,7 @@ from autowaze.vehicle.semantics.billboard import Billboards
 from autowaze.vehicle.semantics.box_filter import BoxFilter, boxes_to_measurements, states_to_boxes
 from autowaze.vehicle.semantics.classes import kinds
 from autowaze.vehicle.semantics.instance_depth import InstanceDepths
+from autowaze.vehicle.semantics.seniority import prefer_elders
 from autowaze.world.camera import StereoCamera
 from autowaze.world.instances import Detections, Tracks
 from autowaze.world.labels import ClassLabel, is_vehicle
@@ -148,6 +149,11 @@ class Sort:
         # The depth of a thin person is easily that of the wall behind; nobody walks far in a frame.
         thin = same_kind & ~is_vehicle(detections.label)[:, None] & seen_before
         assign(rows, np.where(thin & (there >= s.min_iou), there, 0.0))
+        if self._billboards:
+            whole, _ = overlaps(np.asarray(detections.box, np.float64), np.nan_to_num(self._billboards.widest_boxes()))
+            area = (detections.box[:, 2:] - detections.box[:, :2]).prod(axis=1)
+            possible = same_kind & agree & is_vehicle(detections.label)[:, None]
+            prefer_elders(rows, self._hits, area, np.maximum(iou, whole), possible)
         return rows
 
     def _match_in_map(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from graphs import constant_network
 
+from autowaze.vehicle.semantics.average_linkage import average_linkage
 from autowaze.vehicle.semantics.cell_links import CLASSES, LINKS, group_cells
 from autowaze.vehicle.semantics.model_config import ModelConfig
 from autowaze.vehicle.semantics.model_store import bundled_model
@@ -79,6 +80,27 @@ def test_one_car_stays_one_however_its_links_err(open_model):
     found = open_model(cells).segment(IMAGE)
     assert len(found) == 1
     assert found.mask[0].sum() > 0.95 * 160 * 70
+
+
+def test_one_reflection_of_which_the_network_is_sure_does_not_part_a_car(open_model):
+    car = cells_for((VEHICLE, 20, 30, 180, 100), sure=1.0)
+    car[-len(LINKS) + LINKS.index((0, 3)), 30:33, 10:90] = -8.0  # a line across the bonnet, in one kind of link
+    found = open_model(car).segment(IMAGE)
+    assert len(found) == 1
+    assert found.mask[0].sum() > 0.95 * 160 * 70
+
+
+def test_groups_whose_links_part_them_on_average_stay_apart():
+    owner = np.repeat(np.arange(3, dtype=np.int32), 20)[None].repeat(30, axis=0)
+    reach = np.array([(1, 0), (3, 0)])
+    links = np.full((2, 30, 60), 2.0, np.float32)
+    links[:, :, 17:20] = 0.5  # the first two belong together, if only just
+    links[:, :, 37:40] = -0.5
+    joined = average_linkage(owner, 3, links, reach, 0.0)
+    assert len(np.unique(joined[:, :40])) == 1
+    assert len(np.unique(joined)) == 2
+    assert len(np.unique(average_linkage(owner, 3, links, reach, 1.0))) == 1
+    assert np.array_equal(average_linkage(owner, 3, links, reach, -1.0), owner)
 
 
 def test_a_person_before_a_car_is_not_part_of_it(open_model):

@@ -2,7 +2,8 @@
 
 The input is [1, 1, H, W] float32, grey in -1..1, H and W multiples of 32. The output [1, 1 + C + L, H/2, W/2] holds for
 every second input pixel, a cell, the logits of background and of C classes, and for each of `LINKS` the logit of this
-cell and the one so far away being of one instance. Instances are what the links hold together (`mutex_watershed`).
+cell and the one so far away being of one instance. Instances are what the links hold together (`mutex_watershed`,
+`average_linkage`).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.vehicle.semantics.average_linkage import average_linkage
 from autowaze.vehicle.semantics.classes import UNKNOWN_CLASS, labels_of_classes
 from autowaze.vehicle.semantics.letterbox import Letterbox, paste_in_box
 from autowaze.vehicle.semantics.model_config import ModelConfig
@@ -29,8 +31,9 @@ seam that is blurred, or a post that parts a car in two."""
 OUTPUT_STRIDE = 2
 
 _REACH = np.array(LINKS, np.int64)
-_BIAS = 1.25
-"""Logit. Training counts pairs of cells that are apart more often than they come: the network says it too soon."""
+_BIAS, _BIAS_OF_GROUPS = 0.95, 1.6
+"""Logits, of single links and of those between two groups. Training counts pairs of cells that are apart more often
+than they come: the network says it too soon. Groups may begin too small, they are joined; what is joined stays so."""
 _MIN_CONFIDENCE = 0.72
 _LONG_SIDE = 1152
 _CERTAIN = 4.0
@@ -112,6 +115,7 @@ def group_cells(
     margin, kind = _foreground(cells[: -len(LINKS)])
     links = cells[-len(LINKS) :]
     group, count = mutex_watershed(kind, links, _REACH, _BIAS)
+    group = average_linkage(group, count, links, _REACH, _BIAS_OF_GROUPS)
     area = np.bincount(group[group >= 0], minlength=count)
     class_of_group = np.zeros(count, np.int8)
     class_of_group[group[group >= 0]] = kind[group >= 0]

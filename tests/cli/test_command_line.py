@@ -57,6 +57,20 @@ def test_a_short_drive_leaves_a_picture_overlays_and_rectangles(
     assert isinstance(json.loads((tmp_path / "vacant.json").read_text()), list)
 
 
+def test_latency_is_that_of_a_real_service_and_listener(kitti: Path, tmp_path: Path) -> None:
+    out = tmp_path / "latency.json"
+    options = ("--frames", "0:51", "--passes", "1", "--model", "none", "--json", out)
+    result = autowaze("evaluate", "latency", kitti / "odometry_00", *options)
+    assert result.returncode == 0, result.stderr
+    metrics = json.loads(out.read_text())["metrics"]
+    assert (metrics["windows"], metrics["empty_map_windows"]) == (1, 1)
+    assert metrics["diff_bytes_median"] > 1000
+    parts = metrics["last_frame_to_diff_ms_median"], metrics["diff_to_listener_ms_median"]
+    assert min(parts) > 0
+    assert metrics["end_to_end_ms_median"] == pytest.approx(sum(parts))
+    assert metrics["cloud_integration_ms_median"] > 0
+
+
 def test_frames_are_first_and_end() -> None:
     assert parse_frames("110:154") == slice(110, 154)
     assert parse_frames(":20:2") == slice(None, 20, 2)

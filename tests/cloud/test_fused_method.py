@@ -22,6 +22,7 @@ from autowaze.world.identity import instance_keys
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.parking import Occupancy
 from autowaze.world.vehicles import VehicleBoxes
+from autowaze.world.visible_side import fitted_boxes
 from autowaze.world.wire import decode_map, encode_map
 
 OCCUPIED = [0, 1, 2, 4, 5, 7, 8, 9, 12, 13]
@@ -121,6 +122,34 @@ def test_of_a_car_in_a_bay_the_end_at_the_street_shows_however_askew_it_is_seen(
     keys = instance_keys(diff.session, diff.instances.id)
     table.add(keys, diff)
     assert (table.views(keys).view_direction @ street.across > 0.3).all()
+
+
+@pytest.mark.parametrize(("aside", "is_turned"), [(0.5, False), (6.0, True)], ids=["on the line", "in the row"])
+def test_where_the_street_ahead_may_bend_a_car_is_on_the_side_from_which_it_is_seen(aside, is_turned):
+    """No car is parked so near the straight line, 18 m ahead: the street bends, and may leave it on the left."""
+    street = Street(bays=True)
+    first = next(diff for diff in street.drive(street.park([4])) if len(diff.instances) and len(diff.new))
+    place = first.trajectory.position[-1, :2] + [aside, 18.0]
+    positions = first.new.position + np.append(place - first.new.position[:, :2].mean(axis=0), 0.0)
+    view = np.tile(np.array([-0.2, 0.98], np.float32), (len(first.instances), 1))
+    diff = replace(
+        first,
+        instances=replace(first.instances, view_direction=view),
+        new=replace(first.new, position=positions),
+        trajectory=replace(first.trajectory[-1:], heading=np.zeros(1, np.float32)),
+    )
+    table, keys = InstanceTable(), instance_keys(diff.session, diff.instances.id)
+    table.add(keys, diff)
+    assert ((table.views(keys).view_direction[:, 0] > 0) == is_turned).all()
+
+
+def test_points_along_the_side_of_a_vehicle_do_not_hide_where_it_begins():
+    along = np.linspace(0.0, 3.8, 100)
+    points = np.column_stack([np.full(100, 0.0), along])
+    table = fitted_boxes(
+        points, np.zeros(1, np.int64), np.array([100]), np.array([[0.6, 0.8]]), np.array([[4.3, 1.8]]), np.zeros(1)
+    )
+    assert table[0, 1] - table[0, 2] / 2 < 0.35
 
 
 def test_an_id_that_jumps_to_the_next_car_is_split():

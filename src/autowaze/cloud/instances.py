@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import erf
 
 from autowaze.cloud.path_distance import away_from
 from autowaze.world.columns import Columns
@@ -16,6 +17,8 @@ from autowaze.world.map_diff import SemanticMapDiff, Trajectory
 
 SIGHT_M = 30.0
 """How far ahead cars see vehicles well enough to tell of them."""
+BEND_RADIUS_M = 60.0
+"""How tightly a street may bend where nobody has driven yet (one sigma)."""
 
 
 @dataclass
@@ -106,8 +109,24 @@ def _views_of(diff: SemanticMapDiff) -> NDArray[np.float64]:
     if len(diff.trajectory) == 0 or not told.any():
         return view
     sums = [np.bincount(row[len(view) :], diff.new.position[:, axis], len(ids))[own[told]] for axis in (0, 1)]
-    view[told] += away_from(np.stack(sums, axis=1) / points[told, None], _path_ahead(diff.trajectory))
+    middle = np.stack(sums, axis=1) / points[told, None]
+    across = away_from(middle, _path_ahead(diff.trajectory))
+    view[told] += _certain_side(middle, diff.trajectory)[:, None] * across
     return np.asarray(view / np.maximum(np.linalg.norm(view, axis=1, keepdims=True), 1.0))
+
+
+def _certain_side(points: NDArray[np.float64], trajectory: Trajectory) -> NDArray[np.float64]:
+    """How certain it is (N,), 0 to 1, on which side of the street points (N, 2) lie.
+
+    It is of what the car has passed. Ahead of it the street may bend, by more than a parked car stands off the straight
+    line: the chance of the one side less that of the other.
+    """
+    heading = float(trajectory.heading[-1])
+    ahead = np.array([np.sin(heading), np.cos(heading)])
+    off = points - trajectory.position[-1, :2]
+    bends_m = np.maximum(off @ ahead, 0.0) ** 2 / (2.0 * BEND_RADIUS_M)
+    aside_m = np.abs(off @ np.array([ahead[1], -ahead[0]]))
+    return np.asarray(erf(aside_m / np.maximum(np.sqrt(2.0) * bends_m, 1e-6)), dtype=np.float64)
 
 
 def _path_ahead(trajectory: Trajectory) -> NDArray[np.float64]:

@@ -17,8 +17,10 @@ from autowaze.vehicle.semantics.assignment import assign, overlaps
 from autowaze.vehicle.semantics.billboard import Billboards
 from autowaze.vehicle.semantics.box_filter import BoxFilter, boxes_to_measurements, states_to_boxes
 from autowaze.vehicle.semantics.classes import kinds
+from autowaze.vehicle.semantics.gallery import Gallery
 from autowaze.vehicle.semantics.instance_depth import InstanceDepths
 from autowaze.vehicle.semantics.seniority import prefer_elders
+from autowaze.vehicle.semantics.whereabouts import GroundPlane, Sightings, Whereabouts, look
 from autowaze.world.camera import StereoCamera
 from autowaze.world.instances import Detections, Tracks
 from autowaze.world.labels import ClassLabel, is_vehicle
@@ -76,6 +78,11 @@ class Sort:
         self._last_box = np.zeros((0, 4))
         self._calm = np.zeros(0)
         self._next_id = 1
+        self._frame = 0
+        self._first_seen = np.zeros(0, np.int64)
+        self._ground: GroundPlane | None = None
+        self._whereabouts = Whereabouts()
+        self._gallery = Gallery()
 
     def update(
         self, detections: Detections, T_map_cam: Pose | None = None, depths: InstanceDepths | None = None
@@ -90,6 +97,7 @@ class Sort:
         Returns:
             The detections that belong to a reported track, in their order, with the label most often seen.
         """
+        self._frame += 1
         measured = boxes_to_measurements(detections.box)
         depths = depths if depths is not None else InstanceDepths.unknown(len(detections))
         # a rate measured while another object slid before it is not the object's own
@@ -101,6 +109,9 @@ class Sort:
         known = rows >= 0
         self._filter.correct(rows[known], measured[known])
         rows[~known] = self._start_tracks(measured[~known])
+        sightings = self._look(detections, depths, T_map_cam)
+        if sightings is not None:
+            self._recognise(rows, ~known & is_vehicle(detections.label), sightings)
         self._filter.forget_rates(rows[cut.any(axis=1)])
         self._age[rows] = 0
         self._hits[rows] += 1
@@ -175,6 +186,22 @@ class Sort:
         self._billboards.forget_place(found)
         self._filter.forget_rates(found)
 
+    def _look(self, detections: Detections, depths: InstanceDepths, T_map_cam: Pose | None) -> Sightings | None:
+        """Where over ground the detections stand, if they are vehicles; None without a camera or a pose."""
+        if self.camera is None or T_map_cam is None:
+            return None
+        self._ground = self._ground or GroundPlane(T_map_cam)
+        return look(self.camera, self._ground, T_map_cam, detections.box, detections.label, depths)
+
+    def _recognise(self, rows: NDArray[np.int64], fresh: NDArray[np.bool_], sightings: Sightings) -> None:
+        """Give vehicles that come back into view the ids that they had, and take in where all are seen."""
+        standing = is_vehicle(self._label()[rows]) & (self._calm[rows] > 0.5)
+        self._gallery.forget(self._frame)
+        self._gallery.correct_drift(sightings[standing | fresh])
+        ids = self._gallery.recognise(sightings[fresh], self._id)
+        self._id[rows[fresh]] = np.where(ids > 0, ids, self._id[rows[fresh]])
+        self._whereabouts.take_in(rows, sightings)
+
     def _foretold(self) -> NDArray[np.float64]:
         """Boxes (T, 4); an edge that the border of the image cut in the frame before is still there."""
         boxes = states_to_boxes(self._filter.mean)
@@ -213,6 +240,8 @@ class Sort:
         self._votes = np.concatenate([self._votes, np.zeros((n, len(ClassLabel)))])
         self._last_box = np.concatenate([self._last_box, np.zeros((n, 4))])
         self._calm = np.concatenate([self._calm, np.ones(n)])
+        self._first_seen = np.concatenate([self._first_seen, np.full(n, self._frame)])
+        self._whereabouts.add(n)
         return first + np.arange(n)
 
     def _report(self, rows: NDArray[np.int64], detections: Detections) -> Tracks:
@@ -222,11 +251,23 @@ class Sort:
 
     def _drop_lost(self) -> None:
         keep = self._age <= np.where(self._waits_in_map(), self.settings.max_age_in_map, self.settings.max_age)
+        self._remember(~keep)
         self._filter.keep(keep)
         if self._billboards:
             self._billboards.keep(keep)
         self._id, self._hits, self._age = self._id[keep], self._hits[keep], self._age[keep]
         self._votes, self._last_box, self._calm = self._votes[keep], self._last_box[keep], self._calm[keep]
+        self._first_seen = self._first_seen[keep]
+        self._whereabouts.keep(keep)
+
+    def _remember(self, lost: NDArray[np.bool_]) -> None:
+        """Put parked vehicles that left the view into the gallery."""
+        if self._billboards is None:
+            return
+        parked = np.flatnonzero(lost & self._billboards.placed & (self._calm > 0.5) & is_vehicle(self._label()))
+        if len(parked):
+            last_seen = self._frame - self._age[parked]
+            self._gallery.put(self._id[parked], *self._whereabouts.places(parked), self._first_seen[parked], last_seen)
 
     def _waits_in_map(self) -> NDArray[np.bool_]:
         """Tracks (T,) whose place is known and in view, and whose box mostly moved as that of a standing object."""

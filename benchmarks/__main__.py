@@ -10,6 +10,7 @@ BENCHMARKS = (
     "tracking_profile",
     "known_map",
     "main_job",
+    "boxes",
     "semantics",
     "cloud",
     "load",

@@ -5,7 +5,7 @@ import pytest
 from graphs import constant_network
 
 from autowaze.vehicle.semantics.average_linkage import average_linkage
-from autowaze.vehicle.semantics.cell_links import CLASSES, LINKS, group_cells
+from autowaze.vehicle.semantics.cell_links import CLASSES, LINKS, group_cells, lifted
 from autowaze.vehicle.semantics.model_config import ModelConfig
 from autowaze.vehicle.semantics.model_store import bundled_model
 from autowaze.vehicle.semantics.segmenter import load_segmenter
@@ -109,6 +109,17 @@ def test_a_person_before_a_car_is_not_part_of_it(open_model):
     car = found[found.label == ClassLabel.CAR]
     assert len(car) == 1
     assert not car.mask[0, 70, 100]  # and what the person parts is one car
+
+
+def test_shadows_of_a_dark_picture_are_lifted_and_bright_ones_stay():
+    ramp = np.tile(np.arange(256, dtype=np.uint8), (40, 1))
+    dark = lifted(ramp // 2)
+    assert 115 < dark.mean() < 140
+    assert (np.diff(dark[0].astype(int)) >= 0).all()
+    assert np.array_equal(lifted(255 - ramp // 2), 255 - ramp // 2)
+    night = np.full((40, 60), 10, np.uint8)
+    assert 10 < lifted(night).max() < 60  # noise is not blown up to daylight
+    assert np.array_equal(lifted(np.zeros_like(night)), np.zeros_like(night))
 
 
 def test_links_that_nobody_trusts_say_nothing(open_model):

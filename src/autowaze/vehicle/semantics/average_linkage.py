@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 _MAX_GROUPS = 200
 """The largest; of a busy street there are some sixty, and what is beyond is left alone."""
-_MIN_CELLS, _MIN_LINKS = 4, 2
+_MIN_CELLS, _MIN_LINKS = 10, 5
 _CERTAIN = 6.0
 """Logit: a link more sure than that counts no more."""
 

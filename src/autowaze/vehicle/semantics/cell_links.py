@@ -31,11 +31,14 @@ seam that is blurred, or a post that parts a car in two."""
 OUTPUT_STRIDE = 2
 
 _REACH = np.array(LINKS, np.int64)
-_BIAS, _BIAS_OF_GROUPS = 0.95, 1.6
+_BIAS, _BIAS_OF_GROUPS = 0.8, 1.75
 """Logits, of single links and of those between two groups. Training counts pairs of cells that are apart more often
 than they come: the network says it too soon. Groups may begin too small, they are joined; what is joined stays so."""
-_MIN_CONFIDENCE = 0.72
+_MIN_CONFIDENCE = 0.71
 _LONG_SIDE = 1152
+_MID_GREY, _MOST_LIFT = 0.5, 0.5
+"""Mean of a picture, as a share of the range, to which the shadows of a darker one are lifted, and the least exponent:
+a street is exposed for its sky, and parked cars stand in the shade."""
 _CERTAIN = 4.0
 _MIN_CELLS, _MIN_CELLS_OF_VEHICLE = 8, 100
 """Less of a vehicle, 20 x 20 pixels of the input, is more often a rest of one; training asks little of it."""
@@ -84,7 +87,7 @@ class CellLinks:
         """Confident instances, boxes and masks at image size, most confident first."""
         size = (image.shape[0], image.shape[1])
         letterbox = self._letterbox(size)
-        blob = cv2.dnn.blobFromImage(letterbox.apply(to_grey(image)), 1 / 127.5, mean=127.5)
+        blob = cv2.dnn.blobFromImage(letterbox.apply(lifted(to_grey(image))), 1 / 127.5, mean=127.5)
         cells = self._network.run({self._input: blob})[0][0]
         owner, margin, confidence, number = group_cells(np.ascontiguousarray(cells, np.float32))
         label = self._label_of_class[number]
@@ -98,6 +101,14 @@ class CellLinks:
         if self._fixed_size is None:
             return Letterbox.free(size, self._long_side)
         return Letterbox.fixed(size, width=self._fixed_size[1], height=self._fixed_size[0])
+
+
+def lifted(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """A picture (H, W) uint8 with its shadows lifted by a power of its grey levels, if it is dark on the whole."""
+    mean = max(float(cv2.mean(grey)[0]) / 255.0, 0.01)
+    exponent = max(np.log(_MID_GREY) / np.log(mean), _MOST_LIFT) if mean < _MID_GREY else 1.0
+    levels = 255.0 * np.linspace(0.0, 1.0, 256) ** exponent
+    return np.asarray(cv2.LUT(grey, np.round(levels).astype(np.uint8)), np.uint8)
 
 
 def group_cells(

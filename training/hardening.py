@@ -24,12 +24,8 @@ def hardened(
     h = hardness * (0.3 if rng.random() < 0.5 else 1.0)
     if rng.random() < 0.25 * h:
         _texture_background(x, ids, rng)
-    if rng.random() < 0.3 * h:
-        _hang_before_background(x, ids, rng)
     if rng.random() < 0.35 * h:
         _occlude(x, ids, rng)
-    if rng.random() < 0.12 * h:
-        _fence(x, ids, rng)
     if rng.random() < 0.5 * h:
         x *= _shade(x.shape, rng)
     if rng.random() < 0.25 * h:
@@ -67,48 +63,6 @@ def _texture_background(x: NDArray[np.float32], ids: NDArray[np.uint8], rng: np.
     texture *= _cloud(x.shape, rng, 4) * rng.uniform(0.1, 0.7)
     outside = ids == 0
     x[outside] = np.clip(x * (1 + texture) + 0.3 * texture, 0, 1)[outside]
-
-
-def _hang_before_background(x: NDArray[np.float32], ids: NDArray[np.uint8], rng: np.random.Generator) -> None:
-    """Awnings, parasols, tents and panels behind all instances: flat, shaded, with a hard edge, and no vehicles."""
-    height, width = x.shape
-    for _ in range(int(rng.integers(1, 5))):
-        size = np.exp(rng.uniform(np.log(12), np.log(130), 2))
-        middle = rng.random(2) * [width, 0.8 * height]
-        corners = middle + rng.normal(0, 0.5, (int(rng.integers(4, 9)), 2)) * size
-        mask = np.zeros(x.shape, np.uint8)
-        cv2.fillPoly(mask, [cv2.convexHull(corners.astype(np.int32))], 1)
-        seen = (mask > 0) & (ids == 0)
-        tone = np.exp(rng.uniform(np.log(0.03), 0.0))
-        slope = rng.normal(0, 0.4, 2) / [width, height]
-        ys, xs = np.nonzero(seen)
-        shading = 1 + (xs - middle[0]) * slope[0] * 3 + (ys - middle[1]) * slope[1] * 3
-        if rng.random() < 0.3:
-            shading *= np.where((xs // int(rng.integers(3, 16))) % 2, 1.0, rng.uniform(0.4, 0.9))
-        x[seen] = np.clip(tone * shading, 0, 1)
-
-
-def _fence(x: NDArray[np.float32], ids: NDArray[np.uint8], rng: np.random.Generator) -> None:
-    """Railings, rows of bollards and bicycles, through which much is seen of what stands behind."""
-    height, width = x.shape
-    mask = np.zeros(x.shape, np.uint8)
-    x0, y0 = int(rng.integers(-40, width)), int(rng.uniform(0.3, 0.9) * height)
-    pitch, tall = float(np.exp(rng.uniform(np.log(5), np.log(60)))), float(rng.uniform(15, 110))
-    thick = int(rng.integers(1, max(2, min(6, int(pitch / 2.5)))))
-    rounds, lean, fall = rng.random() < 0.3, rng.normal(0, 4), rng.normal(0, 0.1)
-    for k in range(int(rng.integers(3, 14))):
-        foot = (int(x0 + k * pitch), int(y0 + fall * k * pitch))
-        if rounds:
-            cv2.ellipse(mask, foot, (max(2, int(0.4 * tall)), max(2, int(0.5 * tall))), 0, 0, 360, 1, thick)
-        else:
-            cv2.line(mask, foot, (int(foot[0] + lean), int(foot[1] - tall)), 1, thick)
-    if rng.random() < 0.5:
-        for share in rng.random(int(rng.integers(1, 4))):
-            end = (int(x0 + k * pitch), int(y0 + fall * k * pitch - share * tall))
-            cv2.line(mask, (x0, int(y0 - share * tall)), end, 1, thick)
-    covered = mask > 0
-    x[covered] = np.clip(rng.random() * (0.7 + 0.6 * _cloud(x.shape, rng, 20)), 0, 1)[covered]
-    ids[covered] = 0
 
 
 def _occlude(x: NDArray[np.float32], ids: NDArray[np.uint8], rng: np.random.Generator) -> None:

@@ -1,6 +1,7 @@
 """Features in masks."""
 
 import numpy as np
+import pytest
 from scene import CAMERA, camera_at, random_descriptors, see
 
 from autowaze.vehicle.semantics.association import associate
@@ -97,3 +98,21 @@ def test_too_few_features_leave_the_depth_unknown():
     found = measure_depths(features_at(np.array([[750.0, 150.0], [800.0, 150.0]]), 9.0), mask)
     assert np.isnan(found.left[0])
     assert np.isnan(found.near[0])
+
+
+def test_what_stands_before_a_car_does_not_lend_it_its_depth():
+    hidden, before = (200, 100, 300, 190), (300, 100, 420, 220)
+    own, seam, nearer = grid(205, 105, 285, 185), grid(296, 105, 299, 185), grid(310, 110, 410, 210)
+    depth = np.repeat([12.0, 6.0, 6.0], [len(own), len(seam), len(nearer)])
+    seen = features_at(np.vstack([own, seam, nearer]), depth)
+    found = measure_depths(seen, tracks((1, ClassLabel.CAR, hidden), (2, ClassLabel.CAR, before)))
+    assert found.near.tolist() == pytest.approx([12.0, 6.0], abs=0.1)
+
+
+@pytest.mark.parametrize(("depth", "expected"), [(12.0, 12.0), (6.0, np.nan)])
+def test_a_strip_beside_a_nearer_car_has_a_depth_only_if_it_lies_behind_that_one(depth, expected):
+    strip, before = (290, 100, 300, 190), (300, 100, 420, 220)
+    seam, nearer = grid(296, 105, 299, 185), grid(310, 110, 410, 210)
+    seen = features_at(np.vstack([seam, nearer]), np.repeat([depth, 6.0], [len(seam), len(nearer)]))
+    found = measure_depths(seen, tracks((1, ClassLabel.CAR, strip), (2, ClassLabel.CAR, before)))
+    assert found.left[0] == pytest.approx(expected, abs=0.1, nan_ok=True)

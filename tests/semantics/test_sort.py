@@ -204,6 +204,18 @@ def test_a_car_whose_lower_half_is_hidden_is_not_taken_for_one_farther_away():
     assert ids == {1}
 
 
+@pytest.mark.parametrize(("z_now", "is_same"), [(13.5, True), (19.0, False)])
+def test_a_car_of_which_only_the_far_end_is_left_to_see_keeps_its_id(z_now, is_same):
+    sort = Sort(CAMERA)
+    for k in range(6):
+        box, z = parked_car(-3.0, 16.0, at(k), width=4.0)
+        sort.update(detections(box), at(k), depths(z))
+    (left, top, right, bottom), _ = parked_car(-3.0, 16.0, at(6), width=4.0)
+    upper = (left, top, right, top + 0.35 * (bottom - top))
+    tracks = sort.update(detections(upper), at(6), depths(z_now))
+    assert (tracks.id.tolist() == [1]) == is_same
+
+
 def test_what_is_very_near_keeps_its_id_where_its_place_is_foretold_badly():
     sort = Sort(CAMERA)
     assert sort.update(detections((700.0, 100.0, 1240.0, 375.0)), at(0.0), depths(2.0)).id.tolist() == [1]

@@ -123,6 +123,34 @@ def test_frames_cut_out_of_a_turn_do_not_bend_the_way(street: Street, n_cut: int
         assert off_m < 0.3 or not frame.is_trustworthy or frame.covariance[0, 0] > 1.0
 
 
+def test_the_pose_is_foretold_where_the_car_turns_all_at_once(street: Street) -> None:
+    slam, poses = StereoSlam(CAMERA), straight_drive(23)
+    for i in (1, 2, 3):
+        poses[19 + i][:3, :3] = heading_to_rotation(np.radians(3.0 * i))
+    for i, T in enumerate(poses):
+        seen = street.see(T, 1000 + i)
+        foretold = slam.foretell(seen)
+        told = slam.track(seen, 0.1 * i, i).T_map_cam
+        if foretold is None:
+            assert i == 0
+        else:
+            assert np.linalg.norm(foretold[:3, 3] - told[:3, 3]) < 0.2
+            assert foretold[:3, 2] @ told[:3, 2] > np.cos(np.radians(0.5))
+
+
+def test_foretelling_changes_nothing(street: Street) -> None:
+    def run(*, foretells: bool) -> bytes:
+        slam, poses = StereoSlam(CAMERA), b""
+        for i, T in enumerate(straight_drive(15)):
+            seen = street.see(T, 1000 + i)
+            if foretells:
+                slam.foretell(seen)
+            poses += slam.track(seen, 0.1 * i, i).T_map_cam.tobytes()
+        return poses
+
+    assert run(foretells=True) == run(foretells=False)
+
+
 def test_a_teleported_car_starts_odometry_afresh_and_admits_it(street: Street) -> None:
     slam = StereoSlam(CAMERA)
     drive(slam, street, straight_drive(10))

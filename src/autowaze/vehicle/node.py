@@ -32,7 +32,7 @@ from autowaze.world.instances import Detections, Tracks
 from autowaze.world.map_diff import SemanticMapDiff
 from autowaze.world.map_update import MapUpdate
 from autowaze.world.parking import ParkingMap
-from autowaze.world.pose import Pose, heading_to_rotation, inverse, make_pose
+from autowaze.world.pose import Pose, heading_to_rotation, make_pose
 from autowaze.world.stage_times import StageTimes
 
 _COURSE_SIGMA_RAD = 0.05  # of a receiver's course over ground
@@ -106,7 +106,6 @@ class VehicleNode:
         self._motion = MotionClassifier(camera)
         self._ground = GroundObserver(camera)
         self._segmentation_thread = ThreadPoolExecutor(1, "segmentation")
-        self._poses: list[Pose] = []
         self._frames = 0
 
     @property
@@ -123,7 +122,7 @@ class VehicleNode:
             features = self._extractor.extract(frame)
         detections = detecting.result()
         with self.times.stage("object tracking"):
-            tracks = self._perception.track(detections, features, self._predicted_pose())
+            tracks = self._perception.track(detections, features, self.slam.foretell(features))
         with self.times.stage("association"):
             features = associate(features, tracks)
         with self.times.stage("slam"):
@@ -132,7 +131,6 @@ class VehicleNode:
         with self.times.stage("motion"):
             motions = self._moved(features, tracked, frame)
         ground = self._look_at_ground(frame, tracked.T_map_cam, tracks) if tracked.is_trustworthy else None
-        self._poses = [*self._poses[-1:], tracked.T_map_cam]
         self._frames += 1
         self.observation = FrameObservation(tracked, features, tracks, motions, ground)
         with self.times.stage("diff"):
@@ -205,13 +203,6 @@ class VehicleNode:
     def _detect(self, frame: StereoFrame) -> Detections:
         with self.times.stage("segmentation"):
             return self._perception.detect(frame)
-
-    def _predicted_pose(self) -> Pose | None:
-        """The pose that constant velocity predicts for this frame."""
-        if len(self._poses) < 2:
-            return self._poses[-1] if self._poses else None
-        before, last = self._poses
-        return last @ inverse(before) @ last
 
     def _gnss_position(self, frame: StereoFrame) -> GnssPosition | None:
         if frame.gnss is None or self.georeference is None:

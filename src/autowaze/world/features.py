@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from autowaze.world.columns import Columns
 
 DESCRIPTOR_BYTES = 32  # ORB: 256 binary tests
+LEVEL_SCALE = 1.2  # of one level of the image pyramid over the next finer one
 
 
 @dataclass
@@ -18,7 +19,7 @@ class CameraFeatures(Columns):
 
     Attributes:
         uv: left pixel (N, 2) float32.
-        octave: pyramid level (N,) uint8; the level's scale is 1.2 ** octave.
+        octave: pyramid level (N,) uint8; the level's scale is `LEVEL_SCALE` ** octave.
         angle: orientation (N,) float32, radians.
         descriptor: (N, 32) uint8.
         u_right: column in the right image (N,) float32; NaN without a stereo match.
@@ -42,6 +43,11 @@ class CameraFeatures(Columns):
     def has_depth(self) -> NDArray[np.bool_]:
         """Rows with a stereo match."""
         return np.isfinite(self.depth)
+
+    @property
+    def scale(self) -> NDArray[np.float64]:
+        """Size (N,) of a pixel of each one's pyramid level, in pixels of the image."""
+        return np.asarray(LEVEL_SCALE ** self.octave.astype(np.float64))
 
     @classmethod
     def empty(cls) -> CameraFeatures:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from autowaze.vehicle.semantics.mask_lookup import instances_at
+from autowaze.vehicle.semantics.mask_lookup import own_surfaces_at
 from autowaze.world.columns import Columns
 from autowaze.world.features import CameraFeatures
 from autowaze.world.instances import Detections, Tracks
@@ -41,7 +41,7 @@ class InstanceDepths(Columns):
 
 def measure_depths(features: CameraFeatures, instances: Detections | Tracks) -> InstanceDepths:
     """Depths of the instances; unknown where fewer than three features with depth lie in the mask."""
-    instance = instances_at(features, instances)
+    instance = own_surfaces_at(features, instances)
     lines = inverse_depth_lines(features, instances.box, instance)
     near, far = np.full((2, len(instances)), np.nan)
     for i in np.flatnonzero(np.isfinite(lines[:, 0])):

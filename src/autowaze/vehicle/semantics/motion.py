@@ -172,15 +172,14 @@ class MotionClassifier:
         """Covariances (N, 3, 3) in m^2, map frame: of each feature alone, and of the error that it shares."""
         s = self.settings
         depth = f.depth.astype(np.float64)
-        scale = 1.2 ** f.octave.astype(np.float64)
         ray = f.position_cam.astype(np.float64) / depth[:, None] @ R_map_cam.T
         along = ray[:, :, None] * ray[:, None, :] * (depth**2 / self.camera.bf)[:, None, None] ** 2
         image = R_map_cam[:, :2] @ R_map_cam[:, :2].T
-        across = image[None] * (depth / self.camera.fx * scale * s.pixel_sigma)[:, None, None] ** 2
+        across = image[None] * (depth / self.camera.fx * f.scale * s.pixel_sigma)[:, None, None] ** 2
         shared = along * s.common_disparity_sigma**2
         turned = image[None] * (depth * s.pose_sigma_rad)[:, None, None] ** 2
         return (
-            across + along * (scale * s.disparity_sigma)[:, None, None] ** 2,
+            across + along * (f.scale * s.disparity_sigma)[:, None, None] ** 2,
             shared + turned + np.eye(3) * s.pose_sigma_m**2 / 2,
         )
 

@@ -20,7 +20,7 @@ from autowaze.vehicle.semantics.classes import kinds
 from autowaze.vehicle.semantics.gallery import Gallery
 from autowaze.vehicle.semantics.instance_depth import InstanceDepths
 from autowaze.vehicle.semantics.seniority import prefer_elders
-from autowaze.vehicle.semantics.whereabouts import GroundPlane, Sightings, Whereabouts, look
+from autowaze.vehicle.semantics.whereabouts import LENGTH_M, GroundPlane, Sightings, Whereabouts, look
 from autowaze.world.camera import StereoCamera
 from autowaze.world.instances import Detections, Tracks
 from autowaze.world.labels import ClassLabel, is_vehicle
@@ -128,14 +128,14 @@ class Sort:
         """Row (D,) of the track that each detection continues, -1 for none; `cut` (D, 4) by which borders."""
         iou, containment = overlaps(np.asarray(detections.box, np.float64), self._foretold())
         same_kind = kinds(detections.label)[:, None] == kinds(self._label())[None, :]
-        elsewhere, agree = self._compare_depths(depths)
+        elsewhere, agree, far_end = self._compare_depths(depths)
         rows = np.full(len(detections), -1, np.int64)
         s = self.settings
         enough = iou >= np.where(self._age == 0, s.min_iou, s.min_iou_waiting)[None, :]
         assign(rows, np.where(same_kind & ~elsewhere & enough, iou, 0.0))
         seen_before = (self._age == 0)[None, :]
-        # A sliver of what was just seen whole is too small for a depth.
-        fits = agree | (np.isnan(depths.left)[:, None] & seen_before)
+        # A sliver of what was just seen whole is too small for a depth; or the far end is all that is left to see.
+        fits = agree | ((np.isnan(depths.left)[:, None] | far_end) & seen_before)
         assign(rows, np.where(same_kind & fits & (containment >= s.min_containment), containment, 0.0))
         assign(rows, np.where(same_kind & elsewhere & (iou >= s.min_iou_elsewhere), iou, 0.0))
         # Of what another thing slides before, now this part is seen and now that.
@@ -143,6 +143,7 @@ class Sort:
             _, part = overlaps(np.asarray(detections.box, np.float64), np.nan_to_num(self._billboards.widest_boxes()))
             possible = same_kind & agree & self._waits_in_map() & (part >= s.min_containment)
             assign(rows, np.where(possible, part, 0.0))
+            assign(rows, np.where(same_kind & far_end & seen_before & (iou >= s.min_iou), iou, 0.0))
         # What leaves the image shrinks within its box to a bonnet in the corner, too small for a depth.
         there, still_inside = overlaps(np.asarray(detections.box, np.float64), self._last_box)
         leaving = seen_before & (cut[:, None, ::2] & self._cut(self._last_box)[None, :, ::2]).any(axis=2)
@@ -215,17 +216,19 @@ class Sort:
         limit = np.array([self.camera.width, self.camera.height]) - _BORDER_PX
         return np.concatenate([boxes[:, :2] <= _BORDER_PX, boxes[:, 2:] >= limit], axis=1)
 
-    def _compare_depths(self, depths: InstanceDepths) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Which detections lie wholly before or behind a track, and which at its depth; (D, T) each."""
+    def _compare_depths(self, depths: InstanceDepths) -> tuple[NDArray[np.bool_], ...]:
+        """Which detections lie wholly before or behind a track, at its depth, or where its far end may; (D, T) each."""
         if self._billboards is None:
             nothing = np.zeros((len(depths), len(self._id)), np.bool_)
-            return nothing, nothing
+            return nothing, nothing, nothing
         track = self._billboards.depth()[None, :]
         tolerance = self._billboards.tolerance(track)
         near, far = depths.near[:, None], depths.far[:, None]
         middle = (depths.left + depths.right)[:, None] / 2
         elsewhere = (near > track + tolerance) | (far < track - tolerance)
-        return elsewhere, np.abs(middle - track) <= tolerance
+        length = LENGTH_M[self._label()] * is_vehicle(self._label())
+        behind = (middle > track) & (near <= track + length + tolerance)
+        return elsewhere, np.abs(middle - track) <= tolerance, behind & self._waits_in_map()
 
     def _start_tracks(self, measured: NDArray[np.float64]) -> NDArray[np.int64]:
         """Append a track per measured box (n, 4); returns their rows (n,)."""

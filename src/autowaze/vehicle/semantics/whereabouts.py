@@ -13,8 +13,10 @@ from autowaze.world.columns import Columns
 from autowaze.world.labels import ClassLabel
 from autowaze.world.pose import Pose, transform
 
-_LENGTH_M, _WIDTH_M = np.full(len(ClassLabel), 4.4), np.full(len(ClassLabel), 1.8)
-_LENGTH_M[[ClassLabel.TRUCK, ClassLabel.BUS]], _WIDTH_M[[ClassLabel.TRUCK, ClassLabel.BUS]] = (8.0, 11.0), 2.5
+LENGTH_M = np.full(len(ClassLabel), 4.4)
+"""Usual length of a vehicle by its class."""
+_WIDTH_M = np.full(len(ClassLabel), 1.8)
+LENGTH_M[[ClassLabel.TRUCK, ClassLabel.BUS]], _WIDTH_M[[ClassLabel.TRUCK, ClassLabel.BUS]] = (8.0, 11.0), 2.5
 
 _BORDER_PX = 3.0
 _BESIDE, _BESIDE_PX = 0.05, 3.0  # gap to a nearer box, of the own width and in px, within which that one may hide more
@@ -70,7 +72,7 @@ def look(
     left, _, right, _ = ((box - [camera.cx, camera.cy] * 2) / ([camera.fx, camera.fy] * 2)).T
     z = (depths.left + depths.right) / 2
     own = own_edges(camera, box)
-    length, width = _LENGTH_M[labels], _WIDTH_M[labels]
+    length, width = LENGTH_M[labels], _WIDTH_M[labels]
     widest = np.hypot(length, width)
     narrowest = np.clip((right - left) * z, width, widest)
     whole = np.where(own.all(axis=1), narrowest, (narrowest + widest) / 2)

@@ -110,6 +110,13 @@ class StereoSlam:
             return self._lost(frame, timestamp, index, reason)
         return self._found(located, timestamp, index, reason, fix)
 
+    def foretell(self, features: CameraFeatures) -> Pose | None:
+        """Where the next frame was taken, by the last one alone; None before the first.
+
+        For what has to be known before the features have their labels and `track` is called. Changes nothing.
+        """
+        return self._by_last(self._observe(features, None))
+
     def replace_stored_features(self, added: MapFeatures, removed: NDArray[np.uint64]) -> None:
         """Change the stored map between two frames: take out these ids (R,), then put these features in.
 
@@ -178,16 +185,20 @@ class StereoSlam:
 
     def _follow(self, frame: ObservedFrame) -> Located | None:
         """Pose by prediction from the last frame, or None."""
-        last = self._last
-        if last is None or self._blind_frames:
-            return None
-        T_predicted = None if self._velocity is None else last.T_map_cam @ self._velocity
-        T = self._tracker.from_last(frame, last, T_predicted)
-        T = T_predicted if T is None else T
-        if T is None:
+        T = self._by_last(frame)
+        if T is None or self._blind_frames:
             return None
         located = self._tracker.in_map(frame, T, self._mapper.local_rows)
         return located if located.n_steering >= self.settings.min_inliers else None
+
+    def _by_last(self, frame: ObservedFrame) -> Pose | None:
+        """Pose by the features of the last frame; as constant velocity has it while the car is lost."""
+        last = self._last
+        if last is None:
+            return None
+        T_predicted = None if self._velocity is None else last.T_map_cam @ self._velocity
+        T = None if self._blind_frames else self._tracker.from_last(frame, last, T_predicted)
+        return T_predicted if T is None else T
 
     def _find_again(self, frame: ObservedFrame, fix: GnssPosition | None) -> tuple[Located | None, str]:
         """After a loss: the same place by appearance, or a fresh start of odometry when none is known."""

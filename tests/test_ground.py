@@ -12,6 +12,7 @@ from autowaze.vehicle.ground import GroundObservation, GroundObserver
 from autowaze.vehicle.ground_grid import REACH_M, GroundGrid, ground_that_matters
 from autowaze.vehicle.ground_plane import fit_ground_plane, level_plane
 from autowaze.world.camera import StereoCamera
+from autowaze.world.frame import StereoFrame
 from autowaze.world.georeference import Georeference
 from autowaze.world.ground import CELL_M
 from autowaze.world.parking import ParkingMap, ParkingSpot
@@ -220,3 +221,16 @@ def test_the_left_edge_of_the_view_is_measured(kitti):
     frame = trace[0]
     disparity = GroundObserver(trace.camera).disparity(frame)
     assert (disparity[:, :64] > 0).mean() > 0.3
+
+
+@pytest.mark.parametrize("camera", [CAMERA, StereoCamera(528.0, 528.0, 639.5, 359.5, 0.12, 1280, 720)])
+def test_what_is_twelve_metres_away_is_placed_to_three_cells_whatever_the_baseline(camera):
+    rng, disparity = np.random.default_rng(0), camera.bf / 12.0
+    wall = cv2.GaussianBlur(rng.uniform(0, 255, (camera.height, camera.width + 100)).astype(np.float32), (0, 0), 2.0)
+    u, v = np.meshgrid(np.arange(camera.width, dtype=np.float32), np.arange(camera.height, dtype=np.float32))
+    left, right = (cv2.remap(wall, u + 10 + shift, v, cv2.INTER_LINEAR) for shift in (0.0, np.float32(disparity)))
+    left, right = (
+        np.clip(4 * (x - 127) + 127 + rng.normal(0, 2, x.shape), 0, 255).astype(np.uint8) for x in (left, right)
+    )
+    seen = GroundObserver(camera).observe(StereoFrame(0, 0.0, left, right), camera_at())
+    assert (np.abs(seen.depth - 12.0) < 3 * CELL_M).mean() > 0.9

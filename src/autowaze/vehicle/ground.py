@@ -1,4 +1,4 @@
-"""The ground that the car saw: free, obstacle or unseen, from half-size dense stereo."""
+"""The ground that the car saw: free, obstacle or unseen, from dense stereo on small images."""
 
 from __future__ import annotations
 
@@ -26,7 +26,11 @@ class GroundSettings:
         ground_tolerance_m: points so near to the plane are ground.
         obstacle_bottom_m, obstacle_top_m: heights between which something standing is an obstacle.
         min_obstacle_share: share of the pixels of a half-metre-high thing as wide as the cell that make an obstacle.
-        n_disparities: search range at half size, a multiple of 16.
+        nearest_m: what is nearer need not be matched, so far as `n_disparities` allow.
+        n_disparities: the most that the small images are searched for, a multiple of 16.
+        enough_bf: focal length (px) times baseline (m) from which on images of half size do: a disparity that is off by
+            0.3 px puts what is 10 m away half a metre off, two cells. Images of cameras with less keep their width and
+            lose two thirds of their height, which costs a third more.
     """
 
     camera_height_m: tuple[float, float] = (1.0, 2.4)
@@ -35,7 +39,9 @@ class GroundSettings:
     obstacle_bottom_m: float = 0.3
     obstacle_top_m: float = 2.0
     min_obstacle_share: float = 0.15
+    nearest_m: float = 1.5
     n_disparities: int = 64
+    enough_bf: float = 60.0
 
 
 @dataclass(frozen=True)
@@ -45,9 +51,8 @@ class GroundObservation:
     Attributes:
         ix, iy: (N,) int32 cells of the map's ground plane, `CELL_M` wide, each once.
         free, obstacle: (N,) bool, never both.
-        depth: (H / 2, W / 2) float32 metres along the optical axis of the left camera at half size; NaN where stereo
-            has no answer.
-        camera: the camera of half size that the depth map belongs to.
+        depth: (h, w) float32 metres along the optical axis of the left camera; NaN where stereo has no answer.
+        camera: the camera of small images that the depth map belongs to.
         plane: the road's plane in that camera; None where none was found, and then there are no cells.
     """
 
@@ -66,9 +71,12 @@ class GroundObserver:
     def __init__(self, camera: StereoCamera, settings: GroundSettings = GroundSettings()) -> None:
         self.camera = camera
         self.settings = settings
-        self._half = camera.scaled(0.5)
-        self._plane = level_plane(self._half, float(np.mean(settings.camera_height_m)))
-        self._matcher = _matcher(settings.n_disparities)
+        half = camera.scaled(0.5)
+        self._small = half if half.bf >= settings.enough_bf else camera.scaled(1 / 3, 1.0)
+        self._plane = level_plane(self._small, float(np.mean(settings.camera_height_m)))
+        needed = int(np.ceil(self._small.bf / settings.nearest_m / 16)) * 16
+        self._n_disparities = min(needed, settings.n_disparities)
+        self._matcher = _matcher(self._n_disparities)
 
     def observe(
         self, frame: StereoFrame, T_map_cam: Pose, instances_moving_mask: NDArray[np.bool_] | None = None
@@ -77,8 +85,8 @@ class GroundObserver:
         return self.cells_of(self.disparity(frame), T_map_cam, instances_moving_mask)
 
     def disparity(self, frame: StereoFrame) -> NDArray[np.float32]:
-        """Half-size disparity (H / 2, W / 2) float32 px, negative where unknown; needs no pose."""
-        n = self.settings.n_disparities
+        """Disparity (h, w) float32 px of the small images, negative where unknown; needs no pose."""
+        n = self._n_disparities
         # The matcher leaves out as many columns as it searches: without the border, parked cars on the left get lost.
         left, right = (
             cv2.copyMakeBorder(self._shrink(image), 0, 0, n, 0, cv2.BORDER_REPLICATE)
@@ -94,24 +102,24 @@ class GroundObserver:
         T_map_cam: Pose,
         instances_moving_mask: NDArray[np.bool_] | None = None,
     ) -> GroundObservation:
-        """Cells and depth of a frame whose half-size disparity is known."""
-        depth = np.where(disparity > 0, np.float32(self._half.bf) / np.where(disparity > 0, disparity, 1), np.nan)
-        plane = fit_ground_plane(disparity, self._half, self.settings.camera_height_m, self._plane)
+        """Cells and depth of a frame whose `disparity` is known."""
+        depth = np.where(disparity > 0, np.float32(self._small.bf) / np.where(disparity > 0, disparity, 1), np.nan)
+        plane = fit_ground_plane(disparity, self._small, self.settings.camera_height_m, self._plane)
         if plane is None:
             nothing, nobody = np.zeros(0, np.int32), np.zeros(0, np.bool_)
-            return GroundObservation(nothing, nothing, nobody, nobody, depth.astype(np.float32), self._half, None)
+            return GroundObservation(nothing, nothing, nobody, nobody, depth.astype(np.float32), self._small, None)
         self._plane = plane
         voting = disparity if instances_moving_mask is None else self._without(disparity, instances_moving_mask)
-        ix, iy, free, obstacle = _vote(voting, plane, self._half, T_map_cam, self.settings)
-        return GroundObservation(ix, iy, free, obstacle, depth.astype(np.float32), self._half, plane)
+        ix, iy, free, obstacle = _vote(voting, plane, self._small, T_map_cam, self.settings)
+        return GroundObservation(ix, iy, free, obstacle, depth.astype(np.float32), self._small, plane)
 
     def _shrink(self, image: Image) -> Image:
-        size = (self._half.width, self._half.height)
+        size = (self._small.width, self._small.height)
         return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
     def _without(self, disparity: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
         """Disparity with the pixels of a full-size mask, and a rim around them, unknown."""
-        size = (self._half.width, self._half.height)
+        size = (self._small.width, self._small.height)
         small = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
         grown = cv2.dilate(small, np.ones((5, 5), np.uint8)) > 0
         return np.where(grown, np.float32(-1), disparity)

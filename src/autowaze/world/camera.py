@@ -58,9 +58,10 @@ class StereoCamera:
         z = np.asarray(depth, dtype=np.float64)
         return np.stack([(uv[:, 0] - self.cx) * z / self.fx, (uv[:, 1] - self.cy) * z / self.fy, z], axis=1)
 
-    def scaled(self, factor: float) -> StereoCamera:
-        """The camera of images resized by `factor` (pixel centres at integer coordinates)."""
-        width, height = round(self.width * factor), round(self.height * factor)
+    def scaled(self, factor: float, factor_of_width: float | None = None) -> StereoCamera:
+        """The camera of images resized by `factor`, the width by another if given (pixel centres at integers)."""
+        across = factor if factor_of_width is None else factor_of_width
+        width, height = round(self.width * across), round(self.height * factor)
         sx, sy = width / self.width, height / self.height
         return StereoCamera(
             self.fx * sx,

@@ -11,7 +11,7 @@ from autowaze.world.camera import StereoCamera
 from autowaze.world.pose import Pose, inverse, transform
 
 _NEAR_M = 1.0
-_DISPARITY_SIGMA_PX = 1.0  # of dense half-size stereo at the silhouettes that decide here
+_DISPARITY_SIGMA_PX = 1.0  # of dense stereo at the silhouettes that decide here
 _MARGIN_SIGMAS = 3.0
 _MIN_MARGIN_M = 0.5  # a feature may lie that deep in what its pixel shows: mirrors, rims, foliage
 

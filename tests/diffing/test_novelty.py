@@ -87,6 +87,13 @@ def test_a_car_that_the_map_holds_is_no_news() -> None:
     assert len(new_features(car, NOBODY, stored + np.array([0, 8, 0]), NOTHING, SETTINGS, 50_000)) == 40
 
 
+def test_half_a_car_that_the_map_holds_is_no_news_as_a_motorcycle() -> None:
+    half = candidates(20, ClassLabel.TWO_WHEELER, 4)
+    stored = half.position + 0.05
+    assert len(new_features(half, NOBODY, stored, NOTHING, SETTINGS, 50_000)) == 0
+    assert len(new_features(half, NOBODY, stored + np.array([0, 8, 0]), NOTHING, SETTINGS, 50_000)) == 20
+
+
 def parked_car(corners: int, seen: int, along_m: float = 0.0, instance: int = 3) -> Candidates:
     """A car's side and rear with lamps, handles, wheels in places that a number says, and corners around them.
 

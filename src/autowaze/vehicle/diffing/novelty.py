@@ -131,20 +131,21 @@ def replaced_features(
 def _known_instances(
     candidates: Candidates, eligible: NDArray[np.bool_], stored: NDArray[np.float64], settings: DiffSettings
 ) -> NDArray[np.bool_]:
-    """Mask (N,) of the vehicle features whose instance the map holds already: most lie where it has some.
+    """Mask (N,) of the movable features whose instance the map holds already: most lie where it has some of vehicles.
 
     Corners of one vehicle are found again within centimetres, by another camera and in other light, too; those of
-    another vehicle in its place lie near them by chance only.
+    another vehicle in its place lie near them by chance only. Half a car that a network takes for a motorcycle is
+    still that car.
     """
     known = np.zeros(len(eligible), np.bool_)
-    vehicle = eligible & is_vehicle(candidates.label)
-    if not len(stored) or not vehicle.any():
+    movable = eligible & is_movable(candidates.label)
+    if not len(stored) or not movable.any():
         return known
-    radius = np.hypot(settings.same_radius_m, _SAME_SIGMAS * candidates.position_sigma_m[vehicle])
-    explained = _distances(stored, candidates.position[vehicle]) <= radius
-    _, group = np.unique(candidates.instance[vehicle], return_inverse=True)
+    radius = np.hypot(settings.same_radius_m, _SAME_SIGMAS * candidates.position_sigma_m[movable])
+    explained = _distances(stored, candidates.position[movable]) <= radius
+    _, group = np.unique(candidates.instance[movable], return_inverse=True)
     share = np.bincount(group, weights=explained) / np.bincount(group)
-    known[vehicle] = share[group] >= _KNOWN_FRACTION
+    known[movable] = share[group] >= _KNOWN_FRACTION
     return known
 
 

@@ -115,7 +115,8 @@ class StereoSlam:
 
         For what has to be known before the features have their labels and `track` is called. Changes nothing.
         """
-        return self._by_last(self._observe(features, None))
+        last = self._last
+        return None if last is None else self._tracker.first_look(self._observe(features, None), last, self._velocity)
 
     def replace_stored_features(self, added: MapFeatures, removed: NDArray[np.uint64]) -> None:
         """Change the stored map between two frames: take out these ids (R,), then put these features in.
@@ -185,20 +186,13 @@ class StereoSlam:
 
     def _follow(self, frame: ObservedFrame) -> Located | None:
         """Pose by prediction from the last frame, or None."""
-        T = self._by_last(frame)
-        if T is None or self._blind_frames:
+        if self._last is None or self._blind_frames:
+            return None
+        T = self._tracker.first_look(frame, self._last, self._velocity)
+        if T is None:
             return None
         located = self._tracker.in_map(frame, T, self._mapper.local_rows)
         return located if located.n_steering >= self.settings.min_inliers else None
-
-    def _by_last(self, frame: ObservedFrame) -> Pose | None:
-        """Pose by the features of the last frame; as constant velocity has it while the car is lost."""
-        last = self._last
-        if last is None:
-            return None
-        T_predicted = None if self._velocity is None else last.T_map_cam @ self._velocity
-        T = None if self._blind_frames else self._tracker.from_last(frame, last, T_predicted)
-        return T_predicted if T is None else T
 
     def _find_again(self, frame: ObservedFrame, fix: GnssPosition | None) -> tuple[Located | None, str]:
         """After a loss: the same place by appearance, or a fresh start of odometry when none is known."""
@@ -223,13 +217,11 @@ class StereoSlam:
     def _found(
         self, located: Located, timestamp: float, index: int, reason: str, fix: GnssPosition | None = None
     ) -> TrackedFrame:
-        follows = self._last is not None and not self._blind_frames
-        self._velocity = (
-            inverse(self._last.T_map_cam) @ located.T_map_cam if self._last is not None and follows else None
-        )
+        before = None if self._blind_frames else self._last
+        self._velocity = None if before is None else inverse(before.T_map_cam) @ located.T_map_cam
         self._blind_frames = self._seeing_but_lost = 0
         located = self._look_for_stored_map(located)
-        covariance = self._covariance(located, self._last if follows else None)
+        covariance = self._covariance(located, before)
         located = self._held_by(fix, located, covariance, timestamp)
         self.landmarks.count_sightings(located.visible_row, located.landmark_id, located.frame.features, timestamp)
         visible_id = self.landmarks.id[located.visible_row]

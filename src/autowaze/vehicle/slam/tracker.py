@@ -73,6 +73,12 @@ class Tracker:
         self.landmarks = landmarks
         self._level_scale = settings.level_scale
 
+    def first_look(self, frame: ObservedFrame, last: Located, velocity: Pose | None) -> Pose | None:
+        """Pose by the features of the last frame; as its velocity has it, if known, where too few are found again."""
+        T_predicted = None if velocity is None else last.T_map_cam @ velocity
+        T = self.from_last(frame, last, T_predicted)
+        return T_predicted if T is None else T
+
     def from_last(self, frame: ObservedFrame, last: Located, T_predicted: Pose | None) -> Pose | None:
         """Pose by the features of the last frame, or None when too few of them are found again.
 

@@ -30,7 +30,7 @@ class GroundSettings:
         n_disparities: the most that the small images are searched for, a multiple of 16.
         enough_bf: focal length (px) times baseline (m) from which on images of half size do: a disparity that is off by
             0.3 px puts what is 10 m away half a metre off, two cells. Images of cameras with less keep their width and
-            lose two thirds of their height, which costs a third more.
+            lose two thirds of their height, which takes as long.
     """
 
     camera_height_m: tuple[float, float] = (1.0, 2.4)
@@ -39,7 +39,7 @@ class GroundSettings:
     obstacle_bottom_m: float = 0.3
     obstacle_top_m: float = 2.0
     min_obstacle_share: float = 0.15
-    nearest_m: float = 1.5
+    nearest_m: float = 2.0
     n_disparities: int = 64
     enough_bf: float = 60.0
 

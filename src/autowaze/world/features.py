@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from autowaze.world.columns import Columns
 
 DESCRIPTOR_BYTES = 32  # ORB: 256 binary tests
-LEVEL_SCALE = 1.2  # of one level of the image pyramid over the next finer one
+LEVEL_SCALE = 1.2  # of one level of the image pyramid over the next finer one (ORB-SLAM2)
 
 
 @dataclass

@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from autowaze.vehicle.vision.stereo import HALF_WINDOW_PX
 from autowaze.world.features import CameraFeatures
 from autowaze.world.instances import Detections, Tracks
 
 _ERODED_PX = 1  # masks spill over the silhouette by a pixel or two, where corners of the background lie
 _MIN_DEPTHS = 3
-_WINDOW_PX = 5.0  # from the middle of a stereo window to its edge, on the level of the feature
 _SAME_GROUND_PX, _FAR_PERCENTILE = 1.0, 95
 _AROUND = np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y], np.float64)
 
@@ -36,7 +36,7 @@ def own_surfaces_at(features: CameraFeatures, instances: Detections | Tracks) ->
     far = np.array([_far_side(features.depth[own == i]) for i in range(len(instances))])
     inside = np.flatnonzero(own >= 0)
     bottom = instances.box[own[inside], 3] + _SAME_GROUND_PX
-    reach = _WINDOW_PX * features.scale[inside, None] + _ERODED_PX
+    reach = HALF_WINDOW_PX * features.scale[inside, None] + _ERODED_PX
     at_edge, doubtful = np.zeros((2, len(inside)), np.bool_)
     for direction in _AROUND:
         beside = _owners_at(owners, features.uv[inside] + reach * direction)

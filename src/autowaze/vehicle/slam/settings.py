@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.vehicle.slam.loops.settings import LoopSettings
+from autowaze.world.features import LEVEL_SCALE
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +44,7 @@ class SlamSettings:
     """
 
     n_levels: int = 8
-    scale_factor: float = 1.2
+    scale_factor: float = LEVEL_SCALE
     corner_sigma_px: float = 0.4
     disparity_sigma_px: float = 0.3
     close_baselines: float = 20.0

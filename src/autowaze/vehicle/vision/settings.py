@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from autowaze.world.features import LEVEL_SCALE
+
 
 @dataclass(frozen=True, slots=True)
 class VisionSettings:
@@ -19,7 +21,7 @@ class VisionSettings:
 
     n_features: int = 2000
     n_levels: int = 8
-    scale_factor: float = 1.2
+    scale_factor: float = LEVEL_SCALE
     fast_threshold: int = 7
     min_depth_m: float = 2.0
     min_disparity_px: float = 1.0

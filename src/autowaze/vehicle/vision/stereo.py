@@ -22,7 +22,7 @@ from autowaze.vehicle.vision.compiled import compiled
 from autowaze.vehicle.vision.corners import Corners
 from autowaze.vehicle.vision.pyramid import BLOCK_MARGIN, Pyramid
 
-_HALF_WINDOW_PX = 5  # 11 x 11, on the level of the feature
+HALF_WINDOW_PX = 5  # 11 x 11, on the level of the feature
 _RATIO = 0.9  # of the least sum to the least one elsewhere on the row
 _ELSEWHERE_PX = 3
 _MAX_COST = 0.5  # of the least sum to the patch's own contrast: an absolute limit would drop high contrast, the best
@@ -71,8 +71,8 @@ def _match(xy, octave, left, right, width, offset, max_disparity):  # type: igno
     for i in range(n):
         w = width[octave[i]]
         x, row = xy[i, 0], offset[octave[i]] + xy[i, 1] * w
-        first = max(x - np.int64(max_disparity[octave[i]]) - 1, _HALF_WINDOW_PX)
-        n_columns = min(x + _ELSEWHERE_PX, w - 1 - _HALF_WINDOW_PX) - first + 1
+        first = max(x - np.int64(max_disparity[octave[i]]) - 1, HALF_WINDOW_PX)
+        n_columns = min(x + _ELSEWHERE_PX, w - 1 - HALF_WINDOW_PX) - first + 1
         if n_columns < 3:
             continue
         _sum_differences(left, row + x, right, row + first, w, n_columns, cost)
@@ -97,12 +97,12 @@ def _follow_slant(xy, octave, left, right, width, offset, least, disparity):  # 
         for _ in range(_SLANT_ROUNDS):
             gradient_d, gradient_s, dd, ds, ss = 0.0, 0.0, 0.0, 0.0, 0.0
             is_inside: Any = True
-            for dy in range(-_HALF_WINDOW_PX, _HALF_WINDOW_PX + 1):
+            for dy in range(-HALF_WINDOW_PX, HALF_WINDOW_PX + 1):
                 place = np.int64(np.floor(256.0 * (x - d - slant * dy) + 0.5))
                 column = place >> 8
-                is_inside = is_inside and column >= _HALF_WINDOW_PX and column + _HALF_WINDOW_PX + 1 < w
+                is_inside = is_inside and column >= HALF_WINDOW_PX and column + HALF_WINDOW_PX + 1 < w
                 if is_inside:
-                    start = row + dy * w - _HALF_WINDOW_PX
+                    start = row + dy * w - HALF_WINDOW_PX
                     told, weight = _row_told(left, start + x, right, start + column, np.int32(place & 255))
                     gradient_d += told
                     gradient_s += told * dy
@@ -127,7 +127,7 @@ def _row_told(left, a, right, b, fraction):  # type: ignore[no-untyped-def]
     """
     told, weight, rest = np.int32(0), np.int32(0), np.int32(256 - fraction)
     before, there = np.uint64(a - 1), np.uint64(b)  # unsigned indices need no test for the end
-    for i in range(2 * _HALF_WINDOW_PX + 1):
+    for i in range(2 * HALF_WINDOW_PX + 1):
         k = np.uint64(i)
         here = np.int32(np.int32(left[before + k + np.uint64(1)]) << np.int32(8))
         gradient = np.int32(np.int32(left[before + k + np.uint64(2)]) - np.int32(left[before + k]))
@@ -142,9 +142,9 @@ def _contrast(image, at, width):  # type: ignore[no-untyped-def]
     """Sum of absolute differences of the patch to its middle."""
     middle = np.int32(image[at])
     total = np.int32(0)
-    for dy in range(-_HALF_WINDOW_PX, _HALF_WINDOW_PX + 1):
-        start = at + dy * width - _HALF_WINDOW_PX
-        for value in image[start : start + 2 * _HALF_WINDOW_PX + 1]:
+    for dy in range(-HALF_WINDOW_PX, HALF_WINDOW_PX + 1):
+        start = at + dy * width - HALF_WINDOW_PX
+        for value in image[start : start + 2 * HALF_WINDOW_PX + 1]:
             total = np.int32(total + abs(np.int32(value) - middle))
     return total
 
@@ -158,8 +158,8 @@ def _sum_differences(left, at, right, first, width, n_columns, cost):  # type: i
     n = (n_columns + _REGISTER - 1) // _REGISTER * _REGISTER
     total = cost[:n]
     total[:] = 0
-    for dy in range(-_HALF_WINDOW_PX, _HALF_WINDOW_PX + 1):
-        for dx in range(-_HALF_WINDOW_PX, _HALF_WINDOW_PX + 1):
+    for dy in range(-HALF_WINDOW_PX, HALF_WINDOW_PX + 1):
+        for dx in range(-HALF_WINDOW_PX, HALF_WINDOW_PX + 1):
             step = dy * width + dx
             value = np.int16(left[at + step])
             others = right[first + step : first + step + n]

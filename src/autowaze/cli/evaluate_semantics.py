@@ -27,8 +27,9 @@ from autowaze.evaluation.report import report, write_report
 from autowaze.evaluation.segmentation import MIN_AREA, SegmenterRun, disjoint_masks, run_segmenter
 from autowaze.evaluation.true_instances import Truth, open_truth
 from autowaze.traces import Trace
-from autowaze.vehicle.node import VehicleNode
+from autowaze.vehicle.node import NodeSettings, VehicleNode
 from autowaze.vehicle.semantics.segmenter import Segmenter, load_segmenter
+from autowaze.vehicle.semantics.street_view import StreetView
 from autowaze.world.errors import AutowazeError
 from autowaze.world.frame import Image
 from autowaze.world.labels import is_vehicle
@@ -77,7 +78,7 @@ def segmentation(
         truth = None if teacher else open_truth(path, source)
         if truth is not None and not truth.by_pixel:
             raise AutowazeError(f"{path}: labelled by boxes, not by pixel; --reference MODEL compares with a model")
-        run = run_segmenter(judged, _with_masks(source, truth, teacher))
+        run = run_segmenter(StreetView(judged, source.camera), _with_masks(source, truth, teacher))
         results[source.name] = run.metrics(min_pixels)
         total.frames += run.frames
         total.milliseconds += run.milliseconds
@@ -124,7 +125,8 @@ def tracking(
         source = opened(path, cameras, frames)
         truth = open_truth(path, source)
         eyes = network if network is not None else oracle_boxes(truth, source, min_pixels)
-        node = VehicleNode(source.camera, eyes, start=starting_point(source, None, Start.GNSS), session=1)
+        begin, settings = starting_point(source, None, Start.GNSS), NodeSettings(spare_sky=not oracle)
+        node = VehicleNode(source.camera, eyes, settings, start=begin, session=1)
         results[source.name] = evaluate_object_tracking(source, truth, node, min_pixels, show_progress)
     name = network.name if network is not None else "ORACLE BOXES"
     inputs = {"traces": [str(p) for p in traces], "frames": frames, "detections": name, "min_pixels": min_pixels}

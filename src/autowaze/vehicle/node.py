@@ -18,6 +18,7 @@ from autowaze.vehicle.semantics.association import associate
 from autowaze.vehicle.semantics.motion import MotionClassifier, Motions
 from autowaze.vehicle.semantics.perception import SemanticPerception
 from autowaze.vehicle.semantics.segmenter import Segmenter
+from autowaze.vehicle.semantics.street_view import StreetView
 from autowaze.vehicle.slam.gnss_constraint import GnssPosition
 from autowaze.vehicle.slam.slam import StereoSlam
 from autowaze.vehicle.slam.tracked_frame import TrackedFrame
@@ -43,6 +44,7 @@ class NodeSettings(BaseModel):
 
     Attributes:
         segment_every: run the segmentation network on every n-th frame.
+        spare_sky: do not show it what is high above the street.
         ground_every: look at the ground in every n-th frame.
     """
 
@@ -50,6 +52,7 @@ class NodeSettings(BaseModel):
 
     diff: DiffSettings = Field(default_factory=DiffSettings)
     segment_every: int = Field(default=1, ge=1)
+    spare_sky: bool = True
     ground_every: int = Field(default=2, ge=1)
 
 
@@ -102,7 +105,8 @@ class VehicleNode:
         self._start = start or StartingPoint()
         self._spots = spots
         self._extractor = extractor or FeatureExtractor(camera)
-        self._perception = SemanticPerception(segmenter, self.settings.segment_every, camera)
+        eyes = StreetView(segmenter, camera) if self.settings.spare_sky else segmenter
+        self._perception = SemanticPerception(eyes, self.settings.segment_every, camera)
         self._motion = MotionClassifier(camera)
         self._ground = GroundObserver(camera)
         self._segmentation_thread = ThreadPoolExecutor(1, "segmentation")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from autowaze.cloud.belief import aged, believe
+from autowaze.cloud.belief import believe
 from autowaze.cloud.broadcast import ChangeLog, Update
 from autowaze.cloud.evidence import evidence_of
 from autowaze.cloud.ground_votes import GroundVotes
@@ -198,10 +198,6 @@ class CloudService:
     def states(self) -> list[SpotState]:
         """State of every spot, in the order of the parking map."""
         return list(self._states)
-
-    def states_at(self, now: float) -> list[SpotState]:
-        """State of every spot as believed at a time (seconds since the epoch): beliefs fade, methods without do not."""
-        return [aged(state, now) for state in self._states] if self.method.belief else self.states
 
     @property
     def vehicle_boxes(self) -> VehicleBoxes:

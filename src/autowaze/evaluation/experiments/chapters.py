@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from autowaze.evaluation.experiments import printed
 from autowaze.evaluation.experiments.confusion_pictures import draw_confusions, worst_confusions
 from autowaze.evaluation.experiments.figures import draw_calibration, draw_offsets, draw_scores
@@ -123,12 +121,6 @@ def network_section(found: Mapping[str, Findings]) -> Section:
         "network` measures the way down and streets in which nothing has changed."
     )
     return Section("Network", [Text(words), Table(("bytes", *sent, "thesis, sec. 4.5"), tuple(rows))])
-
-
-def integration_ms(found: Findings, variant: str) -> tuple[float, float]:
-    """Median and 95th percentile of integration to occupancy, per diff."""
-    times = [ms for one in found.judged[variant] for ms in one.diff_ms]
-    return float(np.median(times)), float(np.percentile(times, 95))
 
 
 def _method_table(scores: Mapping[str, Scores], thesis: Mapping[str, tuple[float, float, float]]) -> Table:

@@ -62,13 +62,11 @@ class JudgedSeries:
 
     Attributes:
         verdicts: of all judged drives, all spots.
-        diff_ms: per message, milliseconds of integration to occupancy.
     """
 
     street: str
     variant: str
     verdicts: tuple[Verdict, ...]
-    diff_ms: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -93,18 +91,15 @@ def judge(series: DrivenSeries, variant: Variant) -> JudgedSeries:
     base_map = series.base_map
     cloud = _service(series.spots, variant, base_map)
     verdicts: list[Verdict] = []
-    times: list[float] = []
     seen: set[str] = set()
     for number, (name, passage, truth) in enumerate(zip(series.names, series.passages, series.truths, strict=True)):
         if variant.memory is not Memory.CARRIED:
             cloud = _service(series.spots, variant, base_map)
-        before = len(_spent(cloud))
         for message in variant.messages(passage, series.spots, number):
             cloud.receive(message)
-        times += _spent(cloud)[before:]
         seen |= {spot.spot_id for spot in truth.spots if spot.glimpsed}
         verdicts += _verdicts(name, cloud, truth, seen)
-    return JudgedSeries(series.street, variant.name, tuple(verdicts), tuple(times))
+    return JudgedSeries(series.street, variant.name, tuple(verdicts))
 
 
 def service_after(series: DrivenSeries, variant: Variant, drive: str) -> CloudService:
@@ -138,13 +133,6 @@ def _service(spots: ParkingMap, variant: Variant, base_map: FeatureMap | None) -
         standing = base_map.features[~is_vehicle(base_map.features.label)]
         base_map = FeatureMap(standing, base_map.georeference, base_map.version)
     return CloudService(spots, variant.method, base_map)
-
-
-def _spent(cloud: CloudService) -> list[float]:
-    """Milliseconds per message from integration to occupancy."""
-    stages = ("integration", "grouping", "outliers", "boxes", "occupancy")
-    columns = [list(cloud.times.milliseconds.get(stage, ())) for stage in stages]
-    return [sum(row) for row in zip(*columns, strict=False)]
 
 
 def _verdicts(name: str, cloud: CloudService, truth: DriveTruth, seen: set[str]) -> list[Verdict]:

@@ -30,8 +30,3 @@ class Keyframe:
     landmark_id: NDArray[np.int64]
     covariance: NDArray[np.float64]
     sigma_m: float
-
-    @property
-    def observed_ids(self) -> NDArray[np.int64]:
-        """Landmarks it sees."""
-        return self.landmark_id[self.landmark_id >= 0]

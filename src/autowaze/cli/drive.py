@@ -39,8 +39,11 @@ from autowaze.evaluation.latency import latency_metrics
 from autowaze.evaluation.network import network_metrics
 from autowaze.evaluation.overlay import OverlayVideo
 from autowaze.evaluation.report import report, write_report
-from autowaze.vehicle.node import VehicleNode
+from autowaze.traces import Trace
+from autowaze.vehicle.node import NodeSettings, VehicleNode
+from autowaze.vehicle.pace import FRAMES, measure_pace
 from autowaze.vehicle.private_ends import PrivateEnds
+from autowaze.vehicle.semantics.segmenter import Segmenter
 from autowaze.world.errors import AutowazeError
 from autowaze.world.map_file import load_map
 from autowaze.world.parking import Occupancy, ParkingMap
@@ -71,6 +74,15 @@ def drive(
     private_ends: Annotated[
         float, typer.Option(help="Metres at the beginning and end of a drive that the service is not told of.", min=0)
     ] = 0.0,
+    segment_every: Annotated[
+        int | None,
+        typer.Option(
+            help="Segment every n-th frame and follow the masks between. Without this every frame; with --cloud as "
+            "many as this machine, by a measurement, has time for.",
+            min=1,
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Drive a trace and say which spots are free, or let a service say it.
 
@@ -93,7 +105,9 @@ def drive(
         stored = load_map(stored_map) if stored_map else first_map(remote, source)
         begin = in_the_services_frame(starting_point(source, parking_map(spots), start), stored)
         known = known_spots(remote, source, stored.georeference)
-        node = VehicleNode(source.camera, segmenter(model), stored_map=stored, start=begin, spots=known)
+        eyes = segmenter(model)
+        settings = NodeSettings(segment_every=segment_every or _affordable(eyes, source))
+        node = VehicleNode(source.camera, eyes, settings, stored_map=stored, start=begin, spots=known)
         with (
             OverlayVideo.open(video) as overlays,
             uplink_to(remote, outbox) as uplink,
@@ -101,7 +115,13 @@ def drive(
         ):
             send = PrivateEnds(private_ends, uplink.send).send if private_ends else uplink.send
             record = run_drive(source, node, send, show_progress, overlays.add, downlink, show_arrivals)
-        results = {source.name: {**latency_metrics(record, node), **network_metrics(record)}}
+        results = {
+            source.name: {
+                "segment_every": settings.segment_every,
+                **latency_metrics(record, node),
+                **network_metrics(record),
+            }
+        }
         print_metrics("drive", results)
         if json_file:
             write_report(json_file, report({"trace": str(trace), "model": str(model), "start": start}, results))
@@ -114,6 +134,7 @@ def drive(
     node = VehicleNode(
         source.camera,
         segmenter(model),
+        NodeSettings(segment_every=segment_every or 1),
         stored_map=base_map,
         start=starting_point(source, marked_spots, start),
         spots=marked_spots,
@@ -133,3 +154,19 @@ def drive(
     if json_file:
         inputs = {"trace": str(trace), "spots": str(spots), "model": str(model), "method": method, "start": start}
         write_report(json_file, report(inputs, results))
+
+
+def _affordable(eyes: Segmenter, source: Trace) -> int:
+    """Frames from one segmentation to the next, so that this machine keeps up with the cameras; says if it is not 1."""
+    frames = [source[row] for row in range(min(FRAMES, len(source)))]
+    if len(frames) < FRAMES:
+        return 1
+    interval_s = (frames[-1].timestamp - frames[0].timestamp) / (FRAMES - 1)
+    pace = measure_pace(eyes, source.camera, frames, interval_s)
+    if pace.every_nth > 1:
+        console.print(
+            f"a frame takes {1000 * pace.rest_s:.0f} ms here, with segmentation {1000 * pace.segment_s:.0f} more; they "
+            f"come every {1000 * interval_s:.0f} ms: one of {pace.every_nth} is segmented, masks are followed between"
+            + ("" if pace.keeps_up else ", and even so the car falls behind")
+        )
+    return pace.every_nth

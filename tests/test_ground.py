@@ -27,16 +27,16 @@ def camera_at(east=0.0, north=0.0, heading=0.0):
     return make_pose(heading_to_rotation(heading), np.array([east, north, HEIGHT_M]))
 
 
-def street(boxes=(), slope=0.0, roll=0.0, height=HEIGHT_M):
-    """Half-size disparity of a road and of upright fronts (left, right, distance, height) in camera metres."""
-    u, v = np.meshgrid(np.arange(HALF.width), np.arange(HALF.height))
-    x, y = (u - HALF.cx) / HALF.fx, (v - HALF.cy) / HALF.fy
+def street(boxes=(), slope=0.0, roll=0.0, height=HEIGHT_M, small=HALF):
+    """Disparity of a road and of upright fronts (left, right, distance, height) in camera metres, in small images."""
+    u, v = np.meshgrid(np.arange(small.width), np.arange(small.height))
+    x, y = (u - small.cx) / small.fx, (v - small.cy) / small.fy
     inverse_depth = np.maximum(y + slope - roll * x, 0.0) / height  # y + slope z - roll x = height
     for left, right, distance, top in boxes:
         base = height - slope * distance
         hit = (x * distance >= left) & (x * distance <= right) & (y * distance <= base) & (y * distance >= base - top)
         inverse_depth = np.where(hit, np.maximum(inverse_depth, 1.0 / distance), inverse_depth)
-    disparity = (HALF.bf * inverse_depth).astype(np.float32)
+    disparity = (small.bf * inverse_depth).astype(np.float32)
     return np.where(disparity > 1.0, disparity, np.float32(-1))
 
 
@@ -57,6 +57,13 @@ def test_an_empty_road_is_free_up_to_the_range():
     assert cell_at(seen, 3.1, 18.1) == FREE
     assert cell_at(seen, 0.1, 27.1) == UNSEEN
     assert cell_at(seen, 0.1, -5.1) == UNSEEN
+
+
+def test_where_depth_is_a_metre_wrong_nothing_is_told():
+    wide = StereoCamera(528.0, 528.0, 639.5, 359.5, 0.12, 1280, 720)
+    seen = GroundObserver(wide).cells_of(street(small=wide.scaled(1 / 3, 1.0)), camera_at())
+    assert cell_at(seen, 0.1, 12.1) == FREE
+    assert cell_at(seen, 0.1, 16.1) == UNSEEN
 
 
 def test_a_car_is_an_obstacle_and_hides_what_lies_behind():

@@ -22,7 +22,9 @@ class GroundSettings:
 
     Attributes:
         camera_height_m: range of plausible heights of the camera over the road; it is measured within it.
-        max_range_m: cells farther from the camera stay unseen.
+        max_range_m: cells farther from the camera stay unseen, and those where depth is less exact than this:
+        depth_error_m: what `disparity_error_px` of the small images come to at a cell.
+        disparity_error_px: of dense stereo.
         ground_tolerance_m: points so near to the plane are ground.
         obstacle_bottom_m, obstacle_top_m: heights between which something standing is an obstacle.
         min_obstacle_share: share of the pixels of a half-metre-high thing as wide as the cell that make an obstacle.
@@ -35,6 +37,8 @@ class GroundSettings:
 
     camera_height_m: tuple[float, float] = (1.0, 2.4)
     max_range_m: float = 25.0
+    depth_error_m: float = 1.0
+    disparity_error_px: float = 0.3
     ground_tolerance_m: float = 0.17
     obstacle_bottom_m: float = 0.3
     obstacle_top_m: float = 2.0
@@ -73,6 +77,8 @@ class GroundObserver:
         self.settings = settings
         half = camera.scaled(0.5)
         self._small = half if half.bf >= settings.enough_bf else camera.scaled(1 / 3, 1.0)
+        exact_m = float(np.sqrt(settings.depth_error_m * self._small.bf / settings.disparity_error_px))
+        self._range_m = min(settings.max_range_m, exact_m)
         self._plane = level_plane(self._small, float(np.mean(settings.camera_height_m)))
         needed = int(np.ceil(self._small.bf / settings.nearest_m / 16)) * 16
         self._n_disparities = min(needed, settings.n_disparities)
@@ -110,7 +116,7 @@ class GroundObserver:
             return GroundObservation(nothing, nothing, nobody, nobody, depth.astype(np.float32), self._small, None)
         self._plane = plane
         voting = disparity if instances_moving_mask is None else self._without(disparity, instances_moving_mask)
-        ix, iy, free, obstacle = _vote(voting, plane, self._small, T_map_cam, self.settings)
+        ix, iy, free, obstacle = _vote(voting, plane, self._small, T_map_cam, self.settings, self._range_m)
         return GroundObservation(ix, iy, free, obstacle, depth.astype(np.float32), self._small, plane)
 
     def _shrink(self, image: Image) -> Image:
@@ -143,10 +149,15 @@ def _matcher(n_disparities: int) -> cv2.StereoSGBM:
 
 
 def _vote(
-    disparity: NDArray[np.float32], plane: GroundPlane, camera: StereoCamera, T_map_cam: Pose, s: GroundSettings
+    disparity: NDArray[np.float32],
+    plane: GroundPlane,
+    camera: StereoCamera,
+    T_map_cam: Pose,
+    s: GroundSettings,
+    range_m: float,
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Cells that a frame saw, and which of them are free or hold an obstacle."""
-    reach = int(np.ceil(s.max_range_m / CELL_M)) + 1
+    """Cells that a frame saw within a range, and which of them are free or hold an obstacle."""
+    reach = int(np.ceil(range_m / CELL_M)) + 1
     corner = np.floor(T_map_cam[:2, 3] / CELL_M).astype(np.int64) - reach
     counts = np.zeros((2, 2 * reach + 1, 2 * reach + 1), np.int32)
     rays = T_map_cam[:2, :3] @ np.linalg.inv(camera.K)
@@ -156,7 +167,7 @@ def _vote(
         np.array([plane.a, plane.b, plane.c, plane.height_m]),
         np.column_stack([rays, T_map_cam[:2, 3] / CELL_M - corner]),
         camera.bf,
-        s.max_range_m,
+        range_m,
         np.array(heights),
         counts,
     )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.vehicle.semantics.rematching import match_near_by
+from autowaze.vehicle.semantics.whereabouts import LENGTH_M
 
 ACCELERATION = 2.0
 """m/s^2, standard deviation of what traffic does."""
@@ -19,15 +21,27 @@ _MIN_JUMP_M = 0.15  # below it the displacement of the background is noise
 
 @dataclass(frozen=True)
 class Sighting:
-    """Features of one frame with depth, sorted by instance; positions are in the map, without the pose's jumps."""
+    """Features of one frame with depth, N rows sorted by instance.
+
+    Attributes:
+        timestamp: seconds.
+        instance, label, descriptor: (N,), (N,), (N, 32).
+        disparity: (N,) float64, pixels.
+        position: (N, 3) metres in the map, without the pose's jumps.
+        covariance: (N, 3, 3) m^2, of each feature's own error.
+        of_pose: (N, 3, 3), of what the features of an instance share because the pose is wrong.
+        of_disparity: (N, 3, 3), of what they share because disparities of one surface are wrong together.
+    """
 
     timestamp: float
     instance: NDArray[np.int32]
     label: NDArray[np.uint8]
     descriptor: NDArray[np.uint8]
+    disparity: NDArray[np.float64]
     position: NDArray[np.float64]
     covariance: NDArray[np.float64]
-    common: NDArray[np.float64]
+    of_pose: NDArray[np.float64]
+    of_disparity: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -44,6 +58,42 @@ class Velocity:
         difference = self.mean - other.mean
         covariance = self.covariance + other.covariance + changed
         return bool(difference @ np.linalg.solve(covariance, difference) < _GATE_2)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where over ground an instance was seen at a time: (2,) metres in the map with covariance (2, 2)."""
+
+    timestamp: float
+    position: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+
+def velocity_over(places: Sequence[Place]) -> Velocity:
+    """The velocity that places, in order of time, tell: the median of those between any two (Theil 1950, Sen 1968).
+
+    When another thing half hides an instance some of its places are wrong altogether. The first and the last say how
+    exact it is: what the places share does not average out.
+    """
+    times, positions = np.array([p.timestamp for p in places]), np.array([p.position for p in places])
+    first, second = np.triu_indices(len(places), 1)
+    slopes = (positions[second] - positions[first]) / (times[second] - times[first])[:, None]
+    span = float(times[-1] - times[0])
+    return Velocity(np.median(slopes, axis=0), (places[0].covariance + places[-1].covariance) / span**2, span)
+
+
+def places_of(sighting: Sighting) -> dict[int, Place]:
+    """By instance the median of its features, any part of it: evenly likely all along a vehicle."""
+    ids, first, counts = np.unique(sighting.instance, return_index=True, return_counts=True)
+    places = {}
+    for instance, start, n in zip(ids.tolist(), first.tolist(), counts.tolist(), strict=True):
+        part = slice(start, start + n)
+        covariance = sighting.covariance[part].mean(axis=0) / n
+        covariance = covariance + sighting.of_pose[part].mean(axis=0) + sighting.of_disparity[part].mean(axis=0)
+        slides = LENGTH_M[sighting.label[start]] ** 2 / 12.0 * np.eye(2)
+        position = np.median(sighting.position[part, :2], axis=0)
+        places[instance] = Place(sighting.timestamp, position, covariance[:2, :2] + slides)
+    return places
 
 
 def pose_jump(now: Sighting, before: Sighting) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ When the pose jumps, as it does on being found again in the map, the background 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -17,11 +17,14 @@ from numpy.typing import NDArray
 
 from autowaze.vehicle.semantics.displacement import (
     ACCELERATION,
+    Place,
     Sighting,
     Velocity,
     agreed_displacement,
     log_normal,
+    places_of,
     pose_jump,
+    velocity_over,
 )
 from autowaze.vehicle.semantics.rematching import match_within_instances
 from autowaze.world.camera import StereoCamera
@@ -41,7 +44,10 @@ class MotionSettings:
         pixel_sigma, disparity_sigma: errors of a feature in pixels at octave 0.
         common_disparity_sigma: error in pixels that all features of an instance share.
         pose_sigma_m, pose_sigma_rad: error of the motion between two frames.
-        still_mps, moving_mps: standard deviation of the speed of what stands and of what moves.
+        still_mps, moving_mps: standard deviation of the speed of what stands and of what moves anywhere.
+        along_mps, across_mps: of what keeps to the street, and goes ahead of the car or comes towards it.
+        place_span_s: least and greatest time over which places tell a velocity.
+        place_interval_s: least time between two of them.
         forget_s: an instance not seen for so long is forgotten.
     """
 
@@ -54,6 +60,10 @@ class MotionSettings:
     pose_sigma_rad: float = 0.001
     still_mps: float = 0.15
     moving_mps: float = 5.0
+    along_mps: float = 8.0
+    across_mps: float = 0.7
+    place_span_s: tuple[float, float] = (1.0, 3.0)
+    place_interval_s: float = 0.15
     forget_s: float = 10.0
 
 
@@ -90,12 +100,27 @@ class Motions(Columns):
 
 @dataclass
 class _Belief:
-    """Log odds of moving, velocity (2,) in m/s with its covariance (2, 2), and when the instance was last seen."""
+    """What is believed of an instance.
+
+    Attributes:
+        log_odds: of moving, by all that was seen.
+        way_tells: what the way that it has come of late adds: the same seconds tell it frame after frame, once.
+        velocity: (2,) m/s with its covariance (2, 2).
+        last_seen: seconds.
+        places: where it was seen of late, the oldest first.
+    """
 
     log_odds: float
     velocity: NDArray[np.float64]
     covariance: NDArray[np.float64]
     last_seen: float
+    way_tells: float = 0.0
+    places: deque[Place] = field(default_factory=deque)
+
+    @property
+    def moving(self) -> bool:
+        """Whether it rather moves."""
+        return self.log_odds + self.way_tells > 0
 
 
 # Before any evidence: vehicles mostly stand at the kerb, people mostly walk.
@@ -103,6 +128,8 @@ _PRIOR_LOG_ODDS = {ClassLabel.PERSON: 1.0, ClassLabel.ANIMAL: 1.0, ClassLabel.TW
 _PRIOR_LOG_ODDS_OTHERS = -1.0
 _MAX_LOG_ODDS, _MAX_STEP = 6.0, 3.0
 _BACKGROUND_M, _BACKGROUND_FEATURES = 20.0, 300
+_ALWAYS_CHANGED = 0.1  # share of the error of a disparity that is new in each frame
+_LOG_SHARES = np.log([0.25, 0.25, 0.5])  # of what moves: anywhere, along the street, on as before
 
 
 class MotionClassifier:
@@ -114,12 +141,13 @@ class MotionClassifier:
         self._sightings: deque[Sighting] = deque()
         self._background: Sighting | None = None
         self._jumps = np.zeros(3)
+        self._traffic = np.eye(2)
         self._beliefs: dict[int, _Belief] = {}
 
     @property
     def moving_ids(self) -> NDArray[np.int32]:
         """Ids judged moving so far, ascending; serves the next frame before its pose is known."""
-        return np.array(sorted(i for i, b in self._beliefs.items() if b.log_odds > 0), dtype=np.int32)
+        return np.array(sorted(i for i, b in self._beliefs.items() if b.moving), dtype=np.int32)
 
     def update(self, features: CameraFeatures, T_map_cam: Pose, timestamp: float) -> Motions:
         """Motion of every instance that has features with depth in this frame.
@@ -130,12 +158,13 @@ class MotionClassifier:
             timestamp: seconds.
         """
         now = self._sight(features, T_map_cam, timestamp)
+        self._traffic = self._covariance_of_traffic(T_map_cam[:2, 2])
         ids, first = np.unique(now.instance, return_index=True)
         self._remember(ids, now.label[first], timestamp)
         self._judge(now)
         self._sightings.append(now)
         beliefs = [self._beliefs[int(i)] for i in ids]
-        moving = np.array([b.log_odds > 0 for b in beliefs], np.bool_)
+        moving = np.array([b.moving for b in beliefs], np.bool_)
         velocity = np.array([b.velocity for b in beliefs]).reshape(-1, 2) * moving[:, None]
         bounds = np.append(first, len(now.instance))
         in_map = now.position[:, :2] + self._jumps[:2]
@@ -162,25 +191,26 @@ class MotionClassifier:
 
     def _place(self, features: CameraFeatures, rows: NDArray[np.int64], T_map_cam: Pose, timestamp: float) -> Sighting:
         f = features[rows]
-        covariance, common = self._covariances(f, T_map_cam[:3, :3])
+        covariances = self._covariances(f, T_map_cam[:3, :3])
+        disparity = self.camera.bf / f.depth.astype(np.float64)
         position = transform(T_map_cam, f.position_cam.astype(np.float64)) - self._jumps
-        return Sighting(timestamp, f.instance_id, f.label, f.descriptor, position, covariance, common)
+        return Sighting(timestamp, f.instance_id, f.label, f.descriptor, disparity, position, *covariances)
 
     def _covariances(
         self, f: CameraFeatures, R_map_cam: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Covariances (N, 3, 3) in m^2, map frame: of each feature alone, and of the error that it shares."""
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Covariances (N, 3, 3) in m^2, map frame: of each feature alone, and of what it shares: pose, disparity."""
         s = self.settings
         depth = f.depth.astype(np.float64)
         ray = f.position_cam.astype(np.float64) / depth[:, None] @ R_map_cam.T
         along = ray[:, :, None] * ray[:, None, :] * (depth**2 / self.camera.bf)[:, None, None] ** 2
         image = R_map_cam[:, :2] @ R_map_cam[:, :2].T
         across = image[None] * (depth / self.camera.fx * f.scale * s.pixel_sigma)[:, None, None] ** 2
-        shared = along * s.common_disparity_sigma**2
         turned = image[None] * (depth * s.pose_sigma_rad)[:, None, None] ** 2
         return (
             across + along * (f.scale * s.disparity_sigma)[:, None, None] ** 2,
-            shared + turned + np.eye(3) * s.pose_sigma_m**2 / 2,
+            turned + np.eye(3) * s.pose_sigma_m**2 / 2,
+            along * s.common_disparity_sigma**2,
         )
 
     def _remember(self, ids: NDArray[np.int32], labels: NDArray[np.uint8], timestamp: float) -> None:
@@ -221,11 +251,32 @@ class MotionClassifier:
                 claim = claims.get(instance)
                 confirmed = claim is not None and claim.agrees_with(found)
                 alone = shortest and claim is None  # a longer span could tell nothing
-                if self._log_factor(found) > 0 and not confirmed and not alone:
+                if self._log_factor(found, self._beliefs[instance]) > 0 and not confirmed and not alone:
                     claims[instance] = found
                     continue
                 judged.add(instance)
                 self._weigh(self._beliefs[instance], claim if claim and confirmed else found, now.timestamp)
+        self._judge_by_places(now, judged)
+
+    def _judge_by_places(self, now: Sighting, judged: set[int]) -> None:
+        """Add the evidence of where instances are: some are too small or too smooth to be found again by features.
+
+        Which part of a vehicle is seen says nothing of its motion, but is never off by more than the vehicle is long.
+        """
+        least, most = self.settings.place_span_s
+        for instance, place in places_of(now).items():
+            belief = self._beliefs[instance]
+            places = belief.places
+            while places and now.timestamp - places[0].timestamp > most:
+                places.popleft()
+            if places and now.timestamp - places[-1].timestamp < self.settings.place_interval_s:
+                continue
+            places.append(place)
+            belief.way_tells = 0.0
+            if now.timestamp - places[0].timestamp >= least:
+                found = velocity_over(places)
+                belief.way_tells = max(self._log_factor(found, belief), 0.0)
+                self._weigh(belief, found, now.timestamp, is_news=instance not in judged)
 
     def _velocities(self, now: Sighting, earlier: Sighting, judged: set[int]) -> dict[int, Velocity]:
         """Velocities of the instances that are found again in an earlier frame and not judged yet."""
@@ -235,7 +286,10 @@ class MotionClassifier:
         span = now.timestamp - earlier.timestamp
         displacement = now.position[rows] - earlier.position[partner]
         covariance = now.covariance[rows] + earlier.covariance[partner]
-        common = now.common[rows] + earlier.common[partner]
+        # The stereo of a surface errs with the fraction of a pixel at which it is matched: as before, if that is.
+        changed = np.minimum(np.abs(now.disparity[rows] - earlier.disparity[partner]), 1.0)[:, None, None]
+        common = now.of_pose[rows] + earlier.of_pose[partner]
+        common += np.maximum(changed, _ALWAYS_CHANGED) * (now.of_disparity[rows] + earlier.of_disparity[partner])
         ids, first, counts = np.unique(now.instance[rows], return_index=True, return_counts=True)
         found = {}
         for instance, start, n in zip(ids.tolist(), first.tolist(), counts.tolist(), strict=True):
@@ -249,19 +303,37 @@ class MotionClassifier:
                 found[instance] = Velocity(mean[:2] / span, P, span)
         return found
 
-    def _log_factor(self, found: Velocity) -> float:
-        """Log of the Bayes factor of moving over standing."""
-        s = self.settings
-        return log_normal(found.mean, found.covariance + np.eye(2) * s.moving_mps**2) - log_normal(
-            found.mean, found.covariance + np.eye(2) * s.still_mps**2
-        )
+    def _log_factor(self, found: Velocity, belief: _Belief) -> float:
+        """Log of the Bayes factor of moving over standing.
 
-    def _weigh(self, belief: _Belief, found: Velocity, timestamp: float) -> None:
-        """Take a measured velocity into a belief."""
+        What moves goes anywhere, or keeps to the street, or goes on as before, which is as likely as both. If all
+        went anywhere, that a car ahead does not move sideways, which is seen well, would outweigh that it drives on, which
+        at 20 m is seen badly; and one look alone tells less than ten that say the same.
+        """
+        s = self.settings
+        before = belief.covariance + np.eye(2) * (ACCELERATION * found.span) ** 2
+        moving = (
+            log_normal(found.mean, found.covariance + np.eye(2) * s.moving_mps**2),
+            log_normal(found.mean, found.covariance + self._traffic),
+            log_normal(found.mean - belief.velocity, found.covariance + before),
+        )
+        still = log_normal(found.mean, found.covariance + np.eye(2) * s.still_mps**2)
+        return float(np.logaddexp.reduce(np.array(moving) + _LOG_SHARES)) - still
+
+    def _covariance_of_traffic(self, ahead: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Of velocities (2, 2) along and across the way (2,) that the camera looks over ground."""
+        s, (x, y) = self.settings, ahead / max(float(np.linalg.norm(ahead)), 1e-9)
+        axes = np.array([[x, -y], [y, x]])
+        return np.asarray(axes * [s.along_mps**2, s.across_mps**2] @ axes.T)
+
+    def _weigh(self, belief: _Belief, found: Velocity, timestamp: float, is_news: bool = True) -> None:
+        """Take a measured velocity into a belief; `is_news` if no better one of this frame is in it."""
         elapsed = timestamp - self._sightings[-1].timestamp
         # Spans of successive frames overlap: each brings only its own share of news.
-        step = np.clip(self._log_factor(found) * min(elapsed / found.span, 1.0), -_MAX_STEP, _MAX_STEP)
+        step = np.clip(self._log_factor(found, belief) * min(elapsed / found.span, 1.0), -_MAX_STEP, _MAX_STEP)
         belief.log_odds = float(np.clip(belief.log_odds + step, -_MAX_LOG_ODDS, _MAX_LOG_ODDS))
+        if not is_news:
+            return
         drifted = belief.covariance + np.eye(2) * (ACCELERATION * elapsed) ** 2
         gain = drifted @ np.linalg.inv(drifted + found.covariance)
         belief.velocity = belief.velocity + gain @ (found.mean - belief.velocity)

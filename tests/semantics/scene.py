@@ -14,12 +14,12 @@ def camera_at(east, north, heading=0.0):
     return make_pose(heading_to_rotation(heading), np.array([east, north, 1.65]))
 
 
-def see(points_map, T_map_cam, descriptors, instance, noise=None, sigma_px=0.4, label=ClassLabel.CAR):
+def see(points_map, T_map_cam, descriptors, instance, noise=None, sigma_px=0.4, label=ClassLabel.CAR, camera=CAMERA):
     """Features of points (N, 3) in the map; `instance` is one id or (N,) of them."""
-    uvr = CAMERA.project(transform(inverse(T_map_cam), points_map))
+    uvr = camera.project(transform(inverse(T_map_cam), points_map))
     if noise is not None:
         uvr = uvr + noise.normal(0.0, sigma_px, uvr.shape)
-    depth = CAMERA.bf / (uvr[:, 0] - uvr[:, 2])
+    depth = camera.bf / (uvr[:, 0] - uvr[:, 2])
     n = len(points_map)
     ids = np.broadcast_to(np.asarray(instance, np.int32), n).copy()
     return CameraFeatures(

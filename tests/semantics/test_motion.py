@@ -6,21 +6,29 @@ from scene import CAMERA, camera_at, car_side, random_descriptors, see
 
 from autowaze.vehicle.semantics.motion import MotionClassifier
 from autowaze.vehicle.semantics.rematching import match_within_instances
+from autowaze.world.camera import StereoCamera
 from autowaze.world.features import CameraFeatures
 from autowaze.world.labels import ClassLabel
 
+SHORT = StereoCamera(528.0, 528.0, 639.5, 359.5, 0.12, 1280, 720)
 
-def drive(points_at, frames=20, speed=8.0, n=30, label=ClassLabel.CAR, visible=None, seed=0):
-    """Motions of the last frame of a drive north past an object whose points at time t are `points_at(t)`."""
+
+def drive(
+    points_at, frames=20, speed=8.0, n=30, label=ClassLabel.CAR, visible=None, seed=0, camera=CAMERA, known_again=True
+):
+    """Motions, frame by frame, of a drive north past an object whose points at time t are `points_at(t)`."""
     rng = np.random.default_rng(seed)
     descriptors = random_descriptors(rng, n)
-    classifier = MotionClassifier(CAMERA)
+    classifier = MotionClassifier(camera)
     history = []
     for k in range(frames):
         t = 0.1 * k
         points = points_at(t)
         rows = np.arange(n) if visible is None else visible(k, points)
-        features = see(points[rows], camera_at(0.0, speed * t), descriptors[rows], 7, noise=rng, label=label)
+        if not known_again:
+            descriptors = random_descriptors(rng, n)
+        here = camera_at(0.0, speed * t)
+        features = see(points[rows], here, descriptors[rows], 7, noise=rng, label=label, camera=camera)
         history.append(classifier.update(features, camera_at(0.0, speed * t), t))
     return history
 
@@ -59,6 +67,31 @@ def test_the_car_ahead_at_our_own_speed_moves():
     last = drive(lambda t: side + np.array([0.0, 8.0 * t, 0.0]), frames=10)[-1]
     assert last.moving.all()
     assert last.velocity[0] == pytest.approx([0.0, 8.0], abs=0.8)
+
+
+def test_a_short_baseline_tells_the_car_ahead_within_two_seconds():
+    side = car_side(np.random.default_rng(4), 12, 0.0, 20.0, length=0.5)
+    history = drive(lambda t: side + np.array([0.0, 7.0 * t, 0.0]), frames=60, speed=7.0, n=12, camera=SHORT)
+    assert all(m.moving.all() for m in history[20:])
+    assert history[-1].velocity[0] == pytest.approx([0.0, 7.0], abs=1.5)
+
+
+def test_a_car_that_no_feature_of_is_known_again_moves_by_the_way_it_has_come():
+    side = car_side(np.random.default_rng(4), 4, 0.0, 20.0, length=0.5)
+    seen = {"n": 4, "camera": SHORT, "known_again": False}
+    away = drive(lambda t: side + np.array([0.0, 7.0 * t, 0.0]), frames=60, speed=7.0, **seen)
+    assert all(m.moving.all() for m in away[30:])
+    assert not any(m.moving.any() for m in drive(lambda t: side, frames=20, speed=7.0, **seen))
+
+
+def test_a_few_places_that_are_wrong_altogether_set_nothing_in_motion():
+    side = car_side(np.random.default_rng(4), 8, 3.0, 30.0, length=2.0)
+
+    def half_hidden(t):  # for three frames all depths are those of somebody who stands before it
+        return side - np.array([0.0, 9.0, 0.0]) if t < 0.25 else side
+
+    history = drive(half_hidden, frames=30, n=8, known_again=False)
+    assert not any(m.moving.any() for m in history)
 
 
 def test_a_person_who_walks_across_moves():

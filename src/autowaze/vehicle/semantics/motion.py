@@ -9,62 +9,26 @@ When the pose jumps, as it does on being found again in the map, the background 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.vehicle.semantics.displacement import (
-    ACCELERATION,
-    Place,
     Sighting,
     Velocity,
     agreed_displacement,
-    log_normal,
     places_of,
     pose_jump,
-    velocity_over,
 )
+from autowaze.vehicle.semantics.motion_belief import MotionBelief, MotionSettings
 from autowaze.vehicle.semantics.rematching import match_within_instances
 from autowaze.world.camera import StereoCamera
 from autowaze.world.columns import Columns
 from autowaze.world.features import CameraFeatures
 from autowaze.world.labels import ClassLabel
 from autowaze.world.pose import Pose, transform
-
-
-@dataclass(frozen=True, slots=True)
-class MotionSettings:
-    """What can be set about telling moving from parked.
-
-    Attributes:
-        spans_s: how long ago the frames were that features are compared with, the longest first.
-        min_matches: features that must be found again.
-        pixel_sigma, disparity_sigma: errors of a feature in pixels at octave 0.
-        common_disparity_sigma: error in pixels that all features of an instance share.
-        pose_sigma_m, pose_sigma_rad: error of the motion between two frames.
-        still_mps, moving_mps: standard deviation of the speed of what stands and of what moves anywhere.
-        along_mps, across_mps: of what keeps to the street, and goes ahead of the car or comes towards it.
-        place_span_s: least and greatest time over which places tell a velocity.
-        place_interval_s: least time between two of them.
-        forget_s: an instance not seen for so long is forgotten.
-    """
-
-    spans_s: tuple[float, ...] = (0.5, 0.3, 0.1)
-    min_matches: int = 3
-    pixel_sigma: float = 0.7
-    disparity_sigma: float = 0.5
-    common_disparity_sigma: float = 0.15
-    pose_sigma_m: float = 0.03
-    pose_sigma_rad: float = 0.001
-    still_mps: float = 0.15
-    moving_mps: float = 5.0
-    along_mps: float = 8.0
-    across_mps: float = 0.7
-    place_span_s: tuple[float, float] = (1.0, 3.0)
-    place_interval_s: float = 0.15
-    forget_s: float = 10.0
 
 
 @dataclass
@@ -98,51 +62,21 @@ class Motions(Columns):
         )
 
 
-@dataclass
-class _Belief:
-    """What is believed of an instance.
-
-    Attributes:
-        log_odds: of moving, by all that was seen.
-        way_tells: what the way that it has come of late adds: the same seconds tell it frame after frame, once.
-        velocity: (2,) m/s with its covariance (2, 2).
-        last_seen: seconds.
-        places: where it was seen of late, the oldest first.
-    """
-
-    log_odds: float
-    velocity: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    last_seen: float
-    way_tells: float = 0.0
-    places: deque[Place] = field(default_factory=deque)
-
-    @property
-    def moving(self) -> bool:
-        """Whether it rather moves."""
-        return self.log_odds + self.way_tells > 0
-
-
-# Before any evidence: vehicles mostly stand at the kerb, people mostly walk.
-_PRIOR_LOG_ODDS = {ClassLabel.PERSON: 1.0, ClassLabel.ANIMAL: 1.0, ClassLabel.TWO_WHEELER: 0.0}
-_PRIOR_LOG_ODDS_OTHERS = -1.0
-_MAX_LOG_ODDS, _MAX_STEP = 6.0, 3.0
 _BACKGROUND_M, _BACKGROUND_FEATURES = 20.0, 300
 _ALWAYS_CHANGED = 0.1  # share of the error of a disparity that is new in each frame
-_LOG_SHARES = np.log([0.25, 0.25, 0.5])  # of what moves: anywhere, along the street, on as before
 
 
 class MotionClassifier:
     """Tells moving instances from parked ones, over frames."""
 
-    def __init__(self, camera: StereoCamera, settings: MotionSettings = MotionSettings()) -> None:
+    def __init__(self, camera: StereoCamera, settings: MotionSettings | None = None) -> None:
         self.camera = camera
-        self.settings = settings
+        self.settings = settings or MotionSettings()
         self._sightings: deque[Sighting] = deque()
         self._background: Sighting | None = None
         self._jumps = np.zeros(3)
-        self._traffic = np.eye(2)
-        self._beliefs: dict[int, _Belief] = {}
+        self._ahead = np.array([0.0, 1.0])
+        self._beliefs: dict[int, MotionBelief] = {}
 
     @property
     def moving_ids(self) -> NDArray[np.int32]:
@@ -158,7 +92,7 @@ class MotionClassifier:
             timestamp: seconds.
         """
         now = self._sight(features, T_map_cam, timestamp)
-        self._traffic = self._covariance_of_traffic(T_map_cam[:2, 2])
+        self._ahead = T_map_cam[:2, 2] / max(float(np.linalg.norm(T_map_cam[:2, 2])), 1e-9)
         ids, first = np.unique(now.instance, return_index=True)
         self._remember(ids, now.label[first], timestamp)
         self._judge(now)
@@ -216,10 +150,7 @@ class MotionClassifier:
     def _remember(self, ids: NDArray[np.int32], labels: NDArray[np.uint8], timestamp: float) -> None:
         """Start beliefs of new instances, forget those long gone, drop sightings too old to compare with."""
         for instance, label in zip(ids.tolist(), labels.tolist(), strict=True):
-            prior = _PRIOR_LOG_ODDS.get(ClassLabel(label), _PRIOR_LOG_ODDS_OTHERS)
-            belief = self._beliefs.setdefault(
-                instance, _Belief(prior, np.zeros(2), np.eye(2) * self.settings.moving_mps**2, timestamp)
-            )
+            belief = self._beliefs.setdefault(instance, MotionBelief(self.settings, ClassLabel(label)))
             belief.last_seen = timestamp
         horizon = timestamp - self.settings.forget_s
         self._beliefs = {i: b for i, b in self._beliefs.items() if b.last_seen >= horizon}
@@ -251,11 +182,11 @@ class MotionClassifier:
                 claim = claims.get(instance)
                 confirmed = claim is not None and claim.agrees_with(found)
                 alone = shortest and claim is None  # a longer span could tell nothing
-                if self._log_factor(found, self._beliefs[instance]) > 0 and not confirmed and not alone:
+                if self._beliefs[instance].log_factor(found, self._ahead) > 0 and not confirmed and not alone:
                     claims[instance] = found
                     continue
                 judged.add(instance)
-                self._weigh(self._beliefs[instance], claim if claim and confirmed else found, now.timestamp)
+                self._beliefs[instance].weigh(claim if claim and confirmed else found, self._ahead, self._elapsed(now))
         self._judge_by_places(now, judged)
 
     def _judge_by_places(self, now: Sighting, judged: set[int]) -> None:
@@ -263,20 +194,12 @@ class MotionClassifier:
 
         Which part of a vehicle is seen says nothing of its motion, but is never off by more than the vehicle is long.
         """
-        least, most = self.settings.place_span_s
+        elapsed = self._elapsed(now)
         for instance, place in places_of(now).items():
-            belief = self._beliefs[instance]
-            places = belief.places
-            while places and now.timestamp - places[0].timestamp > most:
-                places.popleft()
-            if places and now.timestamp - places[-1].timestamp < self.settings.place_interval_s:
-                continue
-            places.append(place)
-            belief.way_tells = 0.0
-            if now.timestamp - places[0].timestamp >= least:
-                found = velocity_over(places)
-                belief.way_tells = max(self._log_factor(found, belief), 0.0)
-                self._weigh(belief, found, now.timestamp, is_news=instance not in judged)
+            self._beliefs[instance].take_place(place, self._ahead, elapsed, is_news=instance not in judged)
+
+    def _elapsed(self, now: Sighting) -> float:
+        return now.timestamp - self._sightings[-1].timestamp if self._sightings else 0.0
 
     def _velocities(self, now: Sighting, earlier: Sighting, judged: set[int]) -> dict[int, Velocity]:
         """Velocities of the instances that are found again in an earlier frame and not judged yet."""
@@ -302,39 +225,3 @@ class MotionClassifier:
                 P = (spread + common[part].mean(axis=0))[:2, :2] / span**2
                 found[instance] = Velocity(mean[:2] / span, P, span)
         return found
-
-    def _log_factor(self, found: Velocity, belief: _Belief) -> float:
-        """Log of the Bayes factor of moving over standing.
-
-        What moves goes anywhere, or keeps to the street, or goes on as before, which is as likely as both. If all
-        went anywhere, that a car ahead does not move sideways, which is seen well, would outweigh that it drives on, which
-        at 20 m is seen badly; and one look alone tells less than ten that say the same.
-        """
-        s = self.settings
-        before = belief.covariance + np.eye(2) * (ACCELERATION * found.span) ** 2
-        moving = (
-            log_normal(found.mean, found.covariance + np.eye(2) * s.moving_mps**2),
-            log_normal(found.mean, found.covariance + self._traffic),
-            log_normal(found.mean - belief.velocity, found.covariance + before),
-        )
-        still = log_normal(found.mean, found.covariance + np.eye(2) * s.still_mps**2)
-        return float(np.logaddexp.reduce(np.array(moving) + _LOG_SHARES)) - still
-
-    def _covariance_of_traffic(self, ahead: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Of velocities (2, 2) along and across the way (2,) that the camera looks over ground."""
-        s, (x, y) = self.settings, ahead / max(float(np.linalg.norm(ahead)), 1e-9)
-        axes = np.array([[x, -y], [y, x]])
-        return np.asarray(axes * [s.along_mps**2, s.across_mps**2] @ axes.T)
-
-    def _weigh(self, belief: _Belief, found: Velocity, timestamp: float, is_news: bool = True) -> None:
-        """Take a measured velocity into a belief; `is_news` if no better one of this frame is in it."""
-        elapsed = timestamp - self._sightings[-1].timestamp
-        # Spans of successive frames overlap: each brings only its own share of news.
-        step = np.clip(self._log_factor(found, belief) * min(elapsed / found.span, 1.0), -_MAX_STEP, _MAX_STEP)
-        belief.log_odds = float(np.clip(belief.log_odds + step, -_MAX_LOG_ODDS, _MAX_LOG_ODDS))
-        if not is_news:
-            return
-        drifted = belief.covariance + np.eye(2) * (ACCELERATION * elapsed) ** 2
-        gain = drifted @ np.linalg.inv(drifted + found.covariance)
-        belief.velocity = belief.velocity + gain @ (found.mean - belief.velocity)
-        belief.covariance = drifted - gain @ drifted

@@ -1,0 +1,126 @@
+"""What is believed of an instance's motion: log-odds of moving, its velocity, and the way that it has come of late."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autowaze.vehicle.semantics.displacement import ACCELERATION, Place, Velocity, log_normal, velocity_over
+from autowaze.world.labels import ClassLabel
+
+# Before any evidence: vehicles mostly stand at the kerb, people mostly walk.
+_PRIOR_LOG_ODDS = {ClassLabel.PERSON: 1.0, ClassLabel.ANIMAL: 1.0, ClassLabel.TWO_WHEELER: 0.0}
+_PRIOR_LOG_ODDS_OTHERS = -1.0
+_MAX_LOG_ODDS, _MAX_STEP = 6.0, 3.0
+_LOG_SHARES = np.log([0.25, 0.25, 0.5])  # of what moves: anywhere, along the street, on as before
+
+
+@dataclass(frozen=True, slots=True)
+class MotionSettings:
+    """What can be set about telling moving from parked.
+
+    Attributes:
+        spans_s: how long ago the frames were that features are compared with, the longest first.
+        min_matches: features that must be found again.
+        pixel_sigma, disparity_sigma: errors of a feature in pixels at octave 0.
+        common_disparity_sigma: error in pixels that all features of an instance share.
+        pose_sigma_m, pose_sigma_rad: error of the motion between two frames.
+        still_mps, moving_mps: standard deviation of the speed of what stands and of what moves anywhere.
+        along_mps, across_mps: of what keeps to the street, and goes ahead of the car or comes towards it.
+        place_span_s: least and greatest time over which places tell a velocity.
+        place_interval_s: least time between two of them.
+        forget_s: an instance not seen for so long is forgotten.
+    """
+
+    spans_s: tuple[float, ...] = (0.5, 0.3, 0.1)
+    min_matches: int = 3
+    pixel_sigma: float = 0.7
+    disparity_sigma: float = 0.5
+    common_disparity_sigma: float = 0.15
+    pose_sigma_m: float = 0.03
+    pose_sigma_rad: float = 0.001
+    still_mps: float = 0.15
+    moving_mps: float = 5.0
+    along_mps: float = 8.0
+    across_mps: float = 0.7
+    place_span_s: tuple[float, float] = (1.0, 3.0)
+    place_interval_s: float = 0.09
+    forget_s: float = 10.0
+
+
+class MotionBelief:
+    """Of one instance.
+
+    Attributes:
+        velocity: (2,) m/s, if it moves.
+        last_seen: seconds.
+    """
+
+    def __init__(self, settings: MotionSettings, label: ClassLabel) -> None:
+        self.settings = settings
+        self.velocity = np.zeros(2)
+        self.last_seen = -np.inf
+        self._covariance = np.eye(2) * settings.moving_mps**2
+        self._log_odds = _PRIOR_LOG_ODDS.get(label, _PRIOR_LOG_ODDS_OTHERS)
+        self._way_tells = 0.0
+        self._places: deque[Place] = deque()
+
+    @property
+    def moving(self) -> bool:
+        """Whether it rather moves, by all looks, and by the way of late, which every frame tells again, once."""
+        return self._log_odds + self._way_tells > 0
+
+    def take_place(self, place: Place, ahead: NDArray[np.float64], elapsed: float, is_news: bool) -> None:
+        """Take in where it is; arguments as of `weigh`."""
+        places, (least, most) = self._places, self.settings.place_span_s
+        while places and place.timestamp - places[0].timestamp > most:
+            places.popleft()
+        if places and place.timestamp - places[-1].timestamp < self.settings.place_interval_s:
+            return
+        places.append(place)
+        self._way_tells = 0.0
+        if place.timestamp - places[0].timestamp >= least:
+            found = velocity_over(places)
+            self._way_tells = max(self.log_factor(found, ahead), 0.0)
+            self.weigh(found, ahead, elapsed, is_news)
+
+    def weigh(self, found: Velocity, ahead: NDArray[np.float64], elapsed: float, is_news: bool = True) -> None:
+        """Take in a measured velocity.
+
+        Args:
+            found: the velocity.
+            ahead: (2,) unit vector, the way that the car looks over ground.
+            elapsed: seconds since the frame before.
+            is_news: whether no better one of this frame was taken in.
+        """
+        # Spans of successive frames overlap: each brings only its own share of news.
+        step = np.clip(self.log_factor(found, ahead) * min(elapsed / found.span, 1.0), -_MAX_STEP, _MAX_STEP)
+        self._log_odds = float(np.clip(self._log_odds + step, -_MAX_LOG_ODDS, _MAX_LOG_ODDS))
+        if not is_news:
+            return
+        drifted = self._covariance + np.eye(2) * (ACCELERATION * elapsed) ** 2
+        gain = drifted @ np.linalg.inv(drifted + found.covariance)
+        self.velocity = self.velocity + gain @ (found.mean - self.velocity)
+        self._covariance = drifted - gain @ drifted
+
+    def log_factor(self, found: Velocity, ahead: NDArray[np.float64]) -> float:
+        """Log of the Bayes factor of moving over standing.
+
+        What moves goes anywhere, or keeps to the street, or goes on as before, which is as likely as both. If all went
+        anywhere, that a car ahead does not move sideways, which is seen well, would outweigh that it drives on, which
+        at 20 m is seen badly; and one look alone tells less than ten that say the same.
+        """
+        s, (x, y) = self.settings, ahead
+        axes = np.array([[x, -y], [y, x]])
+        traffic = axes * [s.along_mps**2, s.across_mps**2] @ axes.T
+        before = self._covariance + np.eye(2) * (ACCELERATION * found.span) ** 2
+        moving = (
+            log_normal(found.mean, found.covariance + np.eye(2) * s.moving_mps**2),
+            log_normal(found.mean, found.covariance + traffic),
+            log_normal(found.mean - self.velocity, found.covariance + before),
+        )
+        still = log_normal(found.mean, found.covariance + np.eye(2) * s.still_mps**2)
+        return float(np.logaddexp.reduce(np.array(moving) + _LOG_SHARES)) - still

@@ -23,10 +23,10 @@ _SAME_SHAPE = 0.1  # logarithm by which the ratio of width and height may change
 _BORDER_PX = 2.0
 _WIDEST_SHARE = 0.9  # of the largest area ever seen of a side: what is smaller is partly hidden
 
-# Usual heights in metres, to place what stereo cannot.
-_HEIGHT_M = np.full(len(ClassLabel), 1.0)
-_HEIGHT_M[[ClassLabel.CAR, ClassLabel.TWO_WHEELER, ClassLabel.PERSON]] = 1.5, 1.5, 1.7
-_HEIGHT_M[[ClassLabel.TRUCK, ClassLabel.BUS]] = 3.0
+HEIGHT_M = np.full(len(ClassLabel), 1.0)
+"""Usual heights by class, to place what stereo cannot."""
+HEIGHT_M[[ClassLabel.CAR, ClassLabel.TWO_WHEELER, ClassLabel.PERSON]] = 1.5, 1.5, 1.7
+HEIGHT_M[[ClassLabel.TRUCK, ClassLabel.BUS]] = 3.0
 
 
 class Billboards:
@@ -129,7 +129,7 @@ class Billboards:
             return
         standing, expected = self._project(self._corners[rows], self._T_map_cam)
         followed = expected * self._growth(standing, boxes)[:, None]
-        by_size = _HEIGHT_M[labels] * self.camera.fy / np.maximum(boxes[:, 3] - boxes[:, 1], 1.0)
+        by_size = HEIGHT_M[labels] * self.camera.fy / np.maximum(boxes[:, 3] - boxes[:, 1], 1.0)
         followed = np.where(np.isfinite(followed), followed, by_size[:, None])
         measured = np.stack([depths.left, depths.right], axis=1)
         off = np.abs(measured.mean(axis=1) - followed.mean(axis=1))

@@ -46,12 +46,9 @@ class BoxFilter:
 
     def add(self, measurements: NDArray[np.float64]) -> None:
         """Append tracks at rest at the measured boxes (n, 4)."""
-        size, area = _size(measurements), measurements[:, 2]
-        rate, area_rate = _FIRST_RATE * size, _FIRST_AREA_RATE * area
-        spread = np.concatenate([_measured_spread(measurements), np.stack([rate, rate, area_rate], axis=1)], axis=1)
-        mean = np.concatenate([measurements, np.zeros((len(measurements), 3))], axis=1)
+        mean, covariance = _at_rest(measurements)
         self.mean = np.concatenate([self.mean, mean])
-        self.covariance = np.concatenate([self.covariance, _diagonal(spread)])
+        self.covariance = np.concatenate([self.covariance, covariance])
 
     def predict(self, shift: NDArray[np.float64]) -> None:
         """One frame ahead; `shift` (N, 4) is the known motion of the edges in px, zero where none is known.
@@ -86,6 +83,10 @@ class BoxFilter:
         self.covariance[rows] = P - gain @ P[:, :N_MEASURED]
         self._keep_positive()
 
+    def restart(self, rows: NDArray[np.int64], measurements: NDArray[np.float64]) -> None:
+        """Take tracks to be at rest at the measured boxes (n, 4), whatever was known."""
+        self.mean[rows], self.covariance[rows] = _at_rest(measurements)
+
     def forget_rates(self, rows: NDArray[np.int64]) -> None:
         """Take tracks to be at rest: the centre and area of a box that is cut move with the border."""
         self.mean[rows, N_MEASURED:] = 0.0
@@ -97,6 +98,15 @@ class BoxFilter:
     def _keep_positive(self) -> None:
         self.mean[:, 2] = np.maximum(self.mean[:, 2], _MIN_AREA)
         self.mean[:, 3] = np.maximum(self.mean[:, 3], _MIN_RATIO)
+
+
+def _at_rest(measurements: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Means (n, 7) and covariances (n, 7, 7) of tracks of which nothing but the boxes (n, 4) is known."""
+    size, area = _size(measurements), measurements[:, 2]
+    rate, area_rate = _FIRST_RATE * size, _FIRST_AREA_RATE * area
+    spread = np.concatenate([_measured_spread(measurements), np.stack([rate, rate, area_rate], axis=1)], axis=1)
+    mean = np.concatenate([measurements, np.zeros((len(measurements), 3))], axis=1)
+    return mean, _diagonal(spread)
 
 
 def _size(measurements: NDArray[np.float64]) -> NDArray[np.float64]:

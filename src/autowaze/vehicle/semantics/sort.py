@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from autowaze.vehicle.semantics.assignment import assign, overlaps
 from autowaze.vehicle.semantics.billboard import Billboards
+from autowaze.vehicle.semantics.borrowed_depth import without_borrowed
 from autowaze.vehicle.semantics.box_filter import BoxFilter, boxes_to_measurements, states_to_boxes
 from autowaze.vehicle.semantics.classes import kinds
 from autowaze.vehicle.semantics.gallery import Gallery
@@ -58,7 +59,7 @@ class SortSettings:
     max_age_in_map: int = 30
     max_drift: float = 0.12
     min_containment: float = 0.7
-    max_apart_m: float = 3.0
+    max_apart_m: float = 3.5
     max_across_m: float = 1.5
     min_iou_in_place: float = 0.6
 
@@ -100,6 +101,7 @@ class Sort:
         self._frame += 1
         measured = boxes_to_measurements(detections.box)
         depths = depths if depths is not None else InstanceDepths.unknown(len(detections))
+        depths = without_borrowed(self.camera, detections, depths) if self.camera is not None else depths
         # a rate measured while another object slid before it is not the object's own
         self._filter.forget_rates(np.flatnonzero((self._age > 0) & self._waits_in_map()))
         self._filter.predict(self._billboards.shift(T_map_cam) if self._billboards else np.zeros((len(self._id), 4)))
@@ -107,7 +109,7 @@ class Sort:
         rows = self._match(detections, depths, cut)
         self._age += 1
         known = rows >= 0
-        self._filter.correct(rows[known], measured[known])
+        self._correct(rows[known], measured[known])
         rows[~known] = self._start_tracks(measured[~known])
         sightings = self._look(detections, depths, T_map_cam)
         if sightings is not None:
@@ -155,7 +157,8 @@ class Sort:
         if self._billboards:
             self._match_in_map(rows, detections, depths, same_kind)
         # What hid it has passed: all that was seen before is now a part of it.
-        swallowed = overlaps(self._last_box, np.asarray(detections.box, np.float64))[1].T
+        boxes = np.asarray(detections.box, np.float64)
+        swallowed = np.maximum(overlaps(self._last_box, boxes)[1], overlaps(self._foretold(), boxes)[1]).T
         uncovered = swallowed >= s.min_containment
         assign(rows, np.where(same_kind & seen_before & uncovered & ~elsewhere, swallowed, 0.0))
         # The depth of a thin person is easily that of the wall behind; nobody walks far in a frame.
@@ -186,6 +189,13 @@ class Sort:
         found = rows[unexplained & (rows >= 0)]
         self._billboards.forget_place(found)
         self._filter.forget_rates(found)
+
+    def _correct(self, rows: NDArray[np.int64], measured: NDArray[np.float64]) -> None:
+        """Take in boxes (n, 4); one that has little in common with the foretold one is of another part of the thing."""
+        iou, _ = overlaps(states_to_boxes(measured), states_to_boxes(self._filter.mean[rows]))
+        like = np.diag(iou) >= self.settings.min_iou
+        self._filter.correct(rows[like], measured[like])
+        self._filter.restart(rows[~like], measured[~like])
 
     def _look(self, detections: Detections, depths: InstanceDepths, T_map_cam: Pose | None) -> Sightings | None:
         """Where over ground the detections stand, if they are vehicles; None without a camera or a pose."""

@@ -240,3 +240,31 @@ def test_a_car_ahead_at_our_speed_is_followed_though_it_does_not_stand():
         box, z = parked_car(x=0.5, z=15.0 + 1.0 * k, T_map_cam=T)
         ids.update(sort.update(detections(box), T, depths(z)).id.tolist())
     assert ids == {1}
+
+
+def test_a_strip_behind_passing_traffic_is_not_at_its_distance():
+    sort, parked_ids = Sort(CAMERA), set()
+    for k in range(14):
+        (left, top, right, bottom), z = parked_car(x=-6.0, z=18.0, T_map_cam=at(0.2 * k), width=4.2)
+        if 5 <= k < 8:  # a lorry passes before it
+            sort.update(detections((0.0, 60.0, right + 20.0, 370.0)), at(0.2 * k), depths(5.0))
+        elif k == 8:  # then its far end shows, and all windows reach over the edge of the lorry
+            strip = (right - 0.2 * (right - left), top, right, bottom)
+            lorry = (0.0, 60.0, strip[0], 370.0)
+            tracks = sort.update(detections(strip, lorry), at(0.2 * k), depths(5.0, 5.0))
+            parked_ids.add(int(tracks.id[0]))
+        else:
+            parked_ids.update(sort.update(detections((left, top, right, bottom)), at(0.2 * k), depths(z)).id.tolist())
+    assert parked_ids == {1}
+
+
+def test_a_thing_seen_at_its_other_end_is_foretold_where_it_is_seen():
+    sort = Sort(CAMERA)
+    (left, top, right, bottom), z = parked_car(x=-4.0, z=12.0, T_map_cam=at(0.0), width=4.2)
+    near_end = (left, top, left + 0.3 * (right - left), bottom)
+    far_end = (right - 0.3 * (right - left), top, right, bottom)
+    for seen in (near_end, near_end, near_end):
+        assert sort.update(detections(seen), at(0.0), depths(z)).id.tolist() == [1]
+    sort.update(detections(), at(0.0), depths())
+    assert sort.update(detections(far_end), at(0.0), depths(z)).id.tolist() == [1]
+    assert sort.update(detections(far_end), at(0.0), depths(z)).id.tolist() == [1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -127,5 +128,10 @@ def agreed_displacement(
 
 
 def log_normal(x: NDArray[np.float64], covariance: NDArray[np.float64]) -> float:
-    """Log density of a zero-mean normal distribution, without the constant."""
-    return float(-0.5 * (x @ np.linalg.solve(covariance, x) + np.log(np.linalg.det(covariance))))
+    """Log density of a zero-mean normal distribution at x (2,), without the constant; asked for some hundred times a
+    frame, so the 2 by 2 inverse is written out.
+    """
+    (a, b), (_, d) = covariance.tolist()
+    u, v = x.tolist()
+    determinant = a * d - b * b
+    return -0.5 * float((d * u * u - 2.0 * b * u * v + a * v * v) / determinant + math.log(determinant))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -15,7 +16,7 @@ from autowaze.world.labels import ClassLabel
 _PRIOR_LOG_ODDS = {ClassLabel.PERSON: 1.0, ClassLabel.ANIMAL: 1.0, ClassLabel.TWO_WHEELER: 0.0}
 _PRIOR_LOG_ODDS_OTHERS = -1.0
 _MAX_LOG_ODDS, _MAX_STEP = 6.0, 3.0
-_LOG_SHARES = np.log([0.25, 0.25, 0.5])  # of what moves: anywhere, along the street, on as before
+_SHARES = (0.25, 0.25, 0.5)  # of what moves: anywhere, along the street, on as before
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,4 +124,5 @@ class MotionBelief:
             log_normal(found.mean - self.velocity, found.covariance + before),
         )
         still = log_normal(found.mean, found.covariance + np.eye(2) * s.still_mps**2)
-        return float(np.logaddexp.reduce(np.array(moving) + _LOG_SHARES)) - still
+        most = max(moving)
+        return most + math.log(sum(w * math.exp(m - most) for w, m in zip(_SHARES, moving, strict=True))) - still

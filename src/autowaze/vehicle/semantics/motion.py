@@ -173,7 +173,7 @@ class MotionClassifier:
         Two wheels of a car look alike: taken for one they make it seem to drive. The way between them is the same
         over any span, while that of what moves grows with it, so motion must show at one speed over two spans.
         """
-        judged: set[int] = set()
+        judged: dict[int, Velocity] = {}
         claims: dict[int, Velocity] = {}
         earlier = self._earlier(now.timestamp)
         for number, sighting in enumerate(earlier):
@@ -185,23 +185,23 @@ class MotionClassifier:
                 if self._beliefs[instance].log_factor(found, self._ahead) > 0 and not confirmed and not alone:
                     claims[instance] = found
                     continue
-                judged.add(instance)
-                self._beliefs[instance].weigh(claim if claim and confirmed else found, self._ahead, self._elapsed(now))
+                judged[instance] = claim if claim and confirmed else found
+                self._beliefs[instance].weigh(judged[instance], self._ahead, self._elapsed(now))
         self._judge_by_places(now, judged)
 
-    def _judge_by_places(self, now: Sighting, judged: set[int]) -> None:
+    def _judge_by_places(self, now: Sighting, judged: dict[int, Velocity]) -> None:
         """Add the evidence of where instances are: some are too small or too smooth to be found again by features.
 
         Which part of a vehicle is seen says nothing of its motion, but is never off by more than the vehicle is long.
         """
         elapsed = self._elapsed(now)
         for instance, place in places_of(now).items():
-            self._beliefs[instance].take_place(place, self._ahead, elapsed, is_news=instance not in judged)
+            self._beliefs[instance].take_place(place, self._ahead, elapsed, judged.get(instance))
 
     def _elapsed(self, now: Sighting) -> float:
         return now.timestamp - self._sightings[-1].timestamp if self._sightings else 0.0
 
-    def _velocities(self, now: Sighting, earlier: Sighting, judged: set[int]) -> dict[int, Velocity]:
+    def _velocities(self, now: Sighting, earlier: Sighting, judged: dict[int, Velocity]) -> dict[int, Velocity]:
         """Velocities of the instances that are found again in an earlier frame and not judged yet."""
         partner = match_within_instances(now.descriptor, now.instance, earlier.descriptor, earlier.instance)
         rows = np.flatnonzero(partner >= 0)

@@ -33,6 +33,7 @@ class MotionSettings:
         along_mps, across_mps: of what keeps to the street, and goes ahead of the car or comes towards it.
         place_span_s: least and greatest time over which places tell a velocity.
         place_interval_s: least time between two of them.
+        well_known_mps: standard deviation of a velocity by features up to which places have nothing to add.
         forget_s: an instance not seen for so long is forgotten.
     """
 
@@ -49,6 +50,7 @@ class MotionSettings:
     across_mps: float = 0.7
     place_span_s: tuple[float, float] = (1.0, 3.0)
     place_interval_s: float = 0.09
+    well_known_mps: float = 1.0
     forget_s: float = 10.0
 
 
@@ -74,8 +76,11 @@ class MotionBelief:
         """Whether it rather moves, by all looks, and by the way of late, which every frame tells again, once."""
         return self._log_odds + self._way_tells > 0
 
-    def take_place(self, place: Place, ahead: NDArray[np.float64], elapsed: float, is_news: bool) -> None:
-        """Take in where it is; arguments as of `weigh`."""
+    def take_place(self, place: Place, ahead: NDArray[np.float64], elapsed: float, found: Velocity | None) -> None:
+        """Take in where it is, after the velocity that its features told in this frame, if they did.
+
+        Where they told it well nothing is added: a track may have come from another vehicle.
+        """
         places, (least, most) = self._places, self.settings.place_span_s
         while places and place.timestamp - places[0].timestamp > most:
             places.popleft()
@@ -83,10 +88,11 @@ class MotionBelief:
             return
         places.append(place)
         self._way_tells = 0.0
-        if place.timestamp - places[0].timestamp >= least:
-            found = velocity_over(places)
-            self._way_tells = max(self.log_factor(found, ahead), 0.0)
-            self.weigh(found, ahead, elapsed, is_news)
+        is_known = found is not None and float(np.trace(found.covariance)) < self.settings.well_known_mps**2
+        if place.timestamp - places[0].timestamp >= least and not is_known:
+            way = velocity_over(places)
+            self._way_tells = max(self.log_factor(way, ahead), 0.0)
+            self.weigh(way, ahead, elapsed, is_news=found is None)
 
     def weigh(self, found: Velocity, ahead: NDArray[np.float64], elapsed: float, is_news: bool = True) -> None:
         """Take in a measured velocity.

@@ -82,13 +82,14 @@ class MotionBelief:
         Where they told it well nothing is added: a track may have come from another vehicle.
         """
         places, (least, most) = self._places, self.settings.place_span_s
+        is_known = found is not None and float(np.trace(found.covariance)) < self.settings.well_known_mps**2
+        self._way_tells = 0.0 if is_known else self._way_tells
         while places and place.timestamp - places[0].timestamp > most:
             places.popleft()
         if places and place.timestamp - places[-1].timestamp < self.settings.place_interval_s:
             return
         places.append(place)
         self._way_tells = 0.0
-        is_known = found is not None and float(np.trace(found.covariance)) < self.settings.well_known_mps**2
         if place.timestamp - places[0].timestamp >= least and not is_known:
             way = velocity_over(places)
             self._way_tells = max(self.log_factor(way, ahead), 0.0)

@@ -128,7 +128,8 @@ class Sort:
 
     def _match(self, detections: Detections, depths: InstanceDepths, cut: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Row (D,) of the track that each detection continues, -1 for none; `cut` (D, 4) by which borders."""
-        iou, containment = overlaps(np.asarray(detections.box, np.float64), self._foretold())
+        boxes, foretold = np.asarray(detections.box, np.float64), self._foretold()
+        iou, containment = overlaps(boxes, foretold)
         same_kind = kinds(detections.label)[:, None] == kinds(self._label())[None, :]
         elsewhere, agree, far_end = self._compare_depths(depths)
         rows = np.full(len(detections), -1, np.int64)
@@ -142,12 +143,12 @@ class Sort:
         assign(rows, np.where(same_kind & elsewhere & (iou >= s.min_iou_elsewhere), iou, 0.0))
         # Of what another thing slides before, now this part is seen and now that.
         if self._billboards:
-            _, part = overlaps(np.asarray(detections.box, np.float64), np.nan_to_num(self._billboards.widest_boxes()))
+            _, part = overlaps(boxes, np.nan_to_num(self._billboards.widest_boxes()))
             possible = same_kind & agree & self._waits_in_map() & (part >= s.min_containment)
             assign(rows, np.where(possible, part, 0.0))
             assign(rows, np.where(same_kind & far_end & seen_before & (iou >= s.min_iou), iou, 0.0))
         # What leaves the image shrinks within its box to a bonnet in the corner, too small for a depth.
-        there, still_inside = overlaps(np.asarray(detections.box, np.float64), self._last_box)
+        there, still_inside = overlaps(boxes, self._last_box)
         leaving = seen_before & (cut[:, None, ::2] & self._cut(self._last_box)[None, :, ::2]).any(axis=2)
         inside = still_inside >= s.min_containment
         assign(rows, np.where(same_kind & leaving & inside & ~elsewhere, still_inside, 0.0))
@@ -157,15 +158,14 @@ class Sort:
         if self._billboards:
             self._match_in_map(rows, detections, depths, same_kind)
         # What hid it has passed: all that was seen before is now a part of it.
-        boxes = np.asarray(detections.box, np.float64)
-        swallowed = np.maximum(overlaps(self._last_box, boxes)[1], overlaps(self._foretold(), boxes)[1]).T
+        swallowed = np.maximum(overlaps(self._last_box, boxes)[1], overlaps(foretold, boxes)[1]).T
         uncovered = swallowed >= s.min_containment
         assign(rows, np.where(same_kind & seen_before & uncovered & ~elsewhere, swallowed, 0.0))
         # The depth of a thin person is easily that of the wall behind; nobody walks far in a frame.
         thin = same_kind & ~is_vehicle(detections.label)[:, None] & seen_before
         assign(rows, np.where(thin & (there >= s.min_iou), there, 0.0))
         if self._billboards:
-            whole, _ = overlaps(np.asarray(detections.box, np.float64), np.nan_to_num(self._billboards.widest_boxes()))
+            whole, _ = overlaps(boxes, np.nan_to_num(self._billboards.widest_boxes()))
             area = (detections.box[:, 2:] - detections.box[:, :2]).prod(axis=1)
             possible = same_kind & agree & is_vehicle(detections.label)[:, None]
             prefer_elders(rows, self._hits, area, np.maximum(iou, whole), possible)

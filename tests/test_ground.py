@@ -40,6 +40,10 @@ def street(boxes=(), slope=0.0, roll=0.0, height=HEIGHT_M, small=HALF):
     return np.where(disparity > 1.0, disparity, np.float32(-1))
 
 
+def look(observer, frame, T_map_cam):
+    return observer.cells_of(observer.disparity(frame), T_map_cam)
+
+
 def cell_at(observation, east, north):
     """What was seen of the cell at a place: (free, obstacle), or None."""
     ix, iy = int(np.floor(east / CELL_M)), int(np.floor(north / CELL_M))
@@ -194,7 +198,7 @@ def test_occupied_and_vacant_spots_of_a_real_street_separate(kitti, name):
     T_map_world = make_pose(heading_to_rotation(0.0), np.zeros(3))
     observer, grid = GroundObserver(trace.camera), GroundGrid()
     for k in range(0, len(trace), 2):
-        grid.add(observer.observe(trace[k], T_map_world @ trace.ground_truth.T_world_cam[k]))
+        grid.add(look(observer, trace[k], T_map_world @ trace.ground_truth.T_world_cam[k]))
     cells = grid.cells()
     standing = cells.obstacle >= np.maximum(cells.free, 1)
     truth = json.loads((kitti / name / "truth.json").read_text())
@@ -215,7 +219,7 @@ def test_the_same_frame_gives_the_same_cells_whatever_the_threads(kitti):
     for n in (1, 4):
         cv2.setNumThreads(n)
         observer = GroundObserver(trace.camera)
-        results.append([observer.observe(frame, camera_at()) for frame in trace])
+        results.append([look(observer, frame, camera_at()) for frame in trace])
     cv2.setNumThreads(threads)
     for one, many in zip(*results, strict=True):
         assert np.array_equal(one.depth, many.depth, equal_nan=True)
@@ -239,5 +243,5 @@ def test_what_is_twelve_metres_away_is_placed_to_three_cells_whatever_the_baseli
     left, right = (
         np.clip(4 * (x - 127) + 127 + rng.normal(0, 2, x.shape), 0, 255).astype(np.uint8) for x in (left, right)
     )
-    seen = GroundObserver(camera).observe(StereoFrame(0, 0.0, left, right), camera_at())
+    seen = look(GroundObserver(camera), StereoFrame(0, 0.0, left, right), camera_at())
     assert (np.abs(seen.depth - 12.0) < 3 * CELL_M).mean() > 0.9

@@ -83,7 +83,7 @@ def test_the_nearest_spot_is_found_with_a_route(serve, open_page):
     assert share_of(picture(page), ACCENT["light"]) > 0.003
     drive_by(site, list(range(8)), 2)  # somebody took it
     drive_by(site, list(range(8)), 3)
-    expect(page.locator(".toast")).to_contain_text("no longer free")
+    expect(page.locator(".toast").first).to_contain_text("no longer free")
 
 
 def test_a_spot_is_drawn_corrected_and_deleted(serve, open_page, tmp_path):

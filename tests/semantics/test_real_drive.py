@@ -9,7 +9,8 @@ from autowaze.traces.kitti_labels import read_labels
 from autowaze.vehicle.semantics.association import associate
 from autowaze.vehicle.semantics.instance_depth import measure_depths
 from autowaze.vehicle.semantics.motion import MotionClassifier
-from autowaze.vehicle.semantics.sort import Sort, SortSettings
+from autowaze.vehicle.semantics.sort import Sort
+from autowaze.vehicle.semantics.sort_settings import SortSettings
 from autowaze.vehicle.vision.extractor import FeatureExtractor
 from autowaze.world.instances import Detections, Tracks
 from autowaze.world.labels import ClassLabel, is_vehicle

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from autowaze.vehicle.semantics.billboard import Billboards
 from autowaze.vehicle.semantics.box_filter import BoxFilter, boxes_to_measurements, states_to_boxes
 from autowaze.vehicle.semantics.instance_depth import InstanceDepths
 from autowaze.vehicle.semantics.sort import Sort
@@ -268,3 +269,37 @@ def test_a_thing_seen_at_its_other_end_is_foretold_where_it_is_seen():
     sort.update(detections(), at(0.0), depths())
     assert sort.update(detections(far_end), at(0.0), depths(z)).id.tolist() == [1]
     assert sort.update(detections(far_end), at(0.0), depths(z)).id.tolist() == [1]
+
+
+def test_a_car_ahead_that_a_pole_lent_its_depth_is_not_left_on_our_bonnet():
+    billboards = Billboards(CAMERA)
+    billboards.add(1)
+    for k in range(20):
+        T = at(0.2 * k)
+        box, _ = parked_car(x=0.5, z=20.0 + 0.2 * k, T_map_cam=T)
+        billboards.shift(T)
+        lent = depths(2.0 if 8 <= k < 11 else np.nan)
+        billboards.place(np.array([0]), np.array([box], np.float32), np.array([ClassLabel.CAR]), lent)
+    assert billboards.depth()[0] == pytest.approx(20.0, rel=0.2)
+
+
+@pytest.mark.parametrize(("hidden_for", "is_same"), [(9, True), (14, False)])
+def test_traffic_hidden_for_a_second_goes_on_where_it_stood_in_the_image(hidden_for, is_same):
+    sort = Sort(CAMERA)
+    for k in range(20 + hidden_for):
+        T = at(1.0 * k)
+        box, z = parked_car(x=0.5, z=25.0 + 1.0 * k, T_map_cam=T)
+        seen = k < 18 or k >= 18 + hidden_for
+        tracks = sort.update(
+            detections(box) if seen else detections(), T, depths(z) if seen else depths(), moving_ids=[1]
+        )
+    assert (tracks.id.tolist() == [1]) == is_same
+
+
+def test_traffic_seen_but_once_is_not_waited_for():
+    sort = Sort(CAMERA)
+    box, z = parked_car(x=0.5, z=25.0, T_map_cam=at(0.0))
+    sort.update(detections(box), at(0.0), depths(z))
+    for k in range(1, 5):
+        sort.update(detections(), at(1.0 * k), depths(), moving_ids=[1])
+    assert sort.update(detections(box), at(5.0), depths(z), moving_ids=[1]).id.tolist() == [2]

@@ -15,6 +15,8 @@ from autowaze.world.parking import Occupancy
 _CAR_STAGES = (
     "segmentation",
     "features",
+    "foretelling",
+    "dense stereo",
     "object tracking",
     "association",
     "slam",

@@ -15,7 +15,7 @@ from autowaze.world.stage_times import StageTimes
 
 _TRACKING = ("features", "slam")
 """What the thesis counts as tracking: features with depth, matching, pose."""
-_AMORTISED = {"diff": ("diff", "closing"), "ground": ("ground",)}
+_AMORTISED = {"diff": ("diff", "closing"), "ground": ("dense stereo", "ground")}
 """What is not done in every frame, and its work in those that do it, as a share of every frame."""
 
 

@@ -84,14 +84,8 @@ class GroundObserver:
         self._n_disparities = min(needed, settings.n_disparities)
         self._matcher = _matcher(self._n_disparities)
 
-    def observe(
-        self, frame: StereoFrame, T_map_cam: Pose, instances_moving_mask: NDArray[np.bool_] | None = None
-    ) -> GroundObservation:
-        """Cells and depth of one frame; pixels of the mask (H, W) do not vote."""
-        return self.cells_of(self.disparity(frame), T_map_cam, instances_moving_mask)
-
     def disparity(self, frame: StereoFrame) -> NDArray[np.float32]:
-        """Disparity (h, w) float32 px of the small images, negative where unknown; needs no pose."""
+        """Disparity (h, w) float32 px of the small images, negative where unknown."""
         n = self._n_disparities
         # The matcher leaves out as many columns as it searches: without the border, parked cars on the left get lost.
         left, right = (
@@ -108,7 +102,7 @@ class GroundObserver:
         T_map_cam: Pose,
         instances_moving_mask: NDArray[np.bool_] | None = None,
     ) -> GroundObservation:
-        """Cells and depth of a frame whose `disparity` is known."""
+        """Cells and depth of a frame whose `disparity` is known; pixels of the mask (H, W) do not vote."""
         depth = np.where(disparity > 0, np.float32(self._small.bf) / np.where(disparity > 0, disparity, 1), np.nan)
         plane = fit_ground_plane(disparity, self._small, self.settings.camera_height_m, self._plane)
         if plane is None:

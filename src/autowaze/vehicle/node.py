@@ -10,6 +10,7 @@ from random import Random
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from autowaze.vehicle.diffing import DiffSettings, DiffWindow, FrameObservation
@@ -124,9 +125,13 @@ class VehicleNode:
         detecting = self._segmentation_thread.submit(self._detect, frame)
         with self.times.stage("features"):
             features = self._extractor.extract(frame)
+        # What needs no detections is done while the network is busy.
+        with self.times.stage("foretelling"):
+            foretold = self.slam.foretell(features)
+        disparity = self._dense_disparity(frame)
         detections = detecting.result()
         with self.times.stage("object tracking"):
-            tracks = self._perception.track(detections, features, self.slam.foretell(features))
+            tracks = self._perception.track(detections, features, foretold, self._motion.moving_ids)
         with self.times.stage("association"):
             features = associate(features, tracks)
         with self.times.stage("slam"):
@@ -134,7 +139,7 @@ class VehicleNode:
             tracked = self.slam.track(features, frame.timestamp, frame.index, self._gnss_position(frame), on_moving)
         with self.times.stage("motion"):
             motions = self._moved(features, tracked, frame)
-        ground = self._look_at_ground(frame, tracked.T_map_cam, tracks) if tracked.is_trustworthy else None
+        ground = self._look_at_ground(disparity, tracked, tracks)
         self._frames += 1
         self.observation = FrameObservation(tracked, features, tracks, motions, ground)
         with self.times.stage("diff"):
@@ -221,10 +226,19 @@ class VehicleNode:
             return Motions.empty()
         return self._motion.update(features, tracked.T_map_cam, frame.timestamp)
 
-    def _look_at_ground(self, frame: StereoFrame, T_map_cam: Pose, tracks: Tracks) -> GroundObservation | None:
+    def _dense_disparity(self, frame: StereoFrame) -> NDArray[np.float32] | None:
+        """Of the frames whose ground is looked at."""
         if self._frames % self.settings.ground_every:
+            return None
+        with self.times.stage("dense stereo"):
+            return self._ground.disparity(frame)
+
+    def _look_at_ground(
+        self, disparity: NDArray[np.float32] | None, tracked: TrackedFrame, tracks: Tracks
+    ) -> GroundObservation | None:
+        if disparity is None or not tracked.is_trustworthy:
             return None
         with self.times.stage("ground"):
             moving = np.isin(tracks.id, self._motion.moving_ids)
             mask = np.asarray(tracks.mask[moving].any(axis=0)) if moving.any() else None
-            return self._ground.observe(frame, T_map_cam, mask)
+            return self._ground.cells_of(disparity, tracked.T_map_cam, mask)

@@ -20,7 +20,11 @@ def overlaps(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[NDArray[np
 def assign(rows: NDArray[np.int64], score: NDArray[np.float64]) -> None:
     """Give detections without a track the one that maximises the total score (D, T); zero means impossible."""
     free_detections = np.flatnonzero(rows < 0)
-    free_tracks = np.setdiff1d(np.arange(score.shape[1]), rows)
+    is_free = np.ones(score.shape[1], np.bool_)
+    is_free[rows[rows >= 0]] = False
+    free_tracks = np.flatnonzero(is_free)
+    if not len(free_detections) or not len(free_tracks):
+        return
     open_score = score[np.ix_(free_detections, free_tracks)]
     d, t = linear_sum_assignment(open_score, maximize=True)
     possible = open_score[d, t] > 0

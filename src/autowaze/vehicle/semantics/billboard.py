@@ -21,6 +21,7 @@ _DEPTH_GAIN = 0.5
 _MAX_GROWTH = 1.2  # of a box from one frame to the next, beyond what ego motion explains
 _SAME_SHAPE = 0.1  # logarithm by which the ratio of width and height may change from one frame to the next
 _BORDER_PX = 2.0
+_DWARF = 0.3  # of the usual height: what would be so low at the depth that it was followed to is not there
 _WIDEST_SHARE = 0.9  # of the largest area ever seen of a side: what is smaller is partly hidden
 
 HEIGHT_M = np.full(len(ClassLabel), 1.0)
@@ -123,14 +124,16 @@ class Billboards:
         """Take in where the tracks of these rows were seen in this frame.
 
         A measured depth moves a track's place half the way. One that contradicts the place is doubted twice, as
-        something thin may stand in front. Without a good measurement the depth follows the height of the box.
+        something thin may stand in front. Without a good measurement the depth follows the height of the box, and
+        begins anew by it where ego motion has carried it off: what moves ahead of us is never come nearer to.
         """
         if self._T_map_cam is None:
             return
         standing, expected = self._project(self._corners[rows], self._T_map_cam)
         followed = expected * self._growth(standing, boxes)[:, None]
         by_size = HEIGHT_M[labels] * self.camera.fy / np.maximum(boxes[:, 3] - boxes[:, 1], 1.0)
-        followed = np.where(np.isfinite(followed), followed, by_size[:, None])
+        dwarfed = (followed.mean(axis=1) < _DWARF * by_size) & ~self._cut(boxes, boxes).any(axis=1)
+        followed = np.where(np.isfinite(followed) & ~dwarfed[:, None], followed, by_size[:, None])
         measured = np.stack([depths.left, depths.right], axis=1)
         off = np.abs(measured.mean(axis=1) - followed.mean(axis=1))
         known = np.isfinite(off)
@@ -151,13 +154,17 @@ class Billboards:
         What comes nearer grows in width as in height; what another thing hides or bares changes its shape, and says
         nothing of its depth. 1 there, and where the image's border cuts either box.
         """
-        limit = np.array([self.camera.width, self.camera.height]) - 1 - _BORDER_PX
-        low, high = np.minimum(standing[:, :2], boxes[:, :2]), np.maximum(standing[:, 2:], boxes[:, 2:])
-        cut = (low < _BORDER_PX) | (high > limit)
+        cut = self._cut(standing, boxes)
         ratio = np.maximum(standing[:, 2:] - standing[:, :2], 1.0) / np.maximum(boxes[:, 2:] - boxes[:, :2], 1.0)
         width = np.where(cut[:, 0], 1.0, ratio[:, 0])
         alike = np.abs(np.log(width / ratio[:, 1])) < _SAME_SHAPE
         return np.where(alike & ~cut[:, 1], np.clip(ratio[:, 1], 1 / _MAX_GROWTH, _MAX_GROWTH), 1.0)
+
+    def _cut(self, boxes: NDArray[np.floating], others: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """Whether the image's border cuts either of two boxes (n, 4) across and upright, (n, 2)."""
+        limit = np.array([self.camera.width, self.camera.height]) - 1 - _BORDER_PX
+        low, high = np.minimum(boxes[:, :2], others[:, :2]), np.maximum(boxes[:, 2:], others[:, 2:])
+        return np.asarray((low < _BORDER_PX) | (high > limit))
 
     def _stand_up(self, boxes: NDArray[np.float32], edges: NDArray[np.float64]) -> NDArray[np.float64]:
         """Corners (n, 4, 3) in map metres of boxes (n, 4) with edges (n, 2) so many metres away."""

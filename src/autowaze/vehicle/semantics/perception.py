@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from numpy.typing import ArrayLike
+
 from autowaze.vehicle.semantics.instance_depth import measure_depths
 from autowaze.vehicle.semantics.propagation import propagate
 from autowaze.vehicle.semantics.segmenter import Segmenter
-from autowaze.vehicle.semantics.sort import Sort, SortSettings
+from autowaze.vehicle.semantics.sort import Sort
+from autowaze.vehicle.semantics.sort_settings import SortSettings
 from autowaze.world.camera import StereoCamera
 from autowaze.world.features import CameraFeatures
 from autowaze.world.frame import Image, StereoFrame
@@ -31,7 +34,7 @@ class SemanticPerception:
         self.segmenter = segmenter
         self.every_nth = every_nth
         self.camera = camera
-        self._sort = Sort(camera, settings or SortSettings())
+        self._sort = Sort(camera, settings)
         self._count = 0
         self._last: tuple[Image, Detections] | None = None
 
@@ -53,8 +56,12 @@ class SemanticPerception:
         return detections
 
     def track(
-        self, detections: Detections, features: CameraFeatures | None = None, T_map_cam: Pose | None = None
+        self,
+        detections: Detections,
+        features: CameraFeatures | None = None,
+        T_map_cam: Pose | None = None,
+        moving_ids: ArrayLike = (),
     ) -> Tracks:
-        """Ids for the detections of the frame."""
+        """Ids for the detections of the frame, given those of the tracks known to move."""
         depths = measure_depths(features, detections) if features is not None else None
-        return self._sort.update(detections, T_map_cam, depths)
+        return self._sort.update(detections, T_map_cam, depths, moving_ids)

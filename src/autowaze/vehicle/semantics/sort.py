@@ -8,10 +8,8 @@ a hidden object is waited for where it stands.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from autowaze.vehicle.semantics.assignment import assign, overlaps
 from autowaze.vehicle.semantics.billboard import Billboards
@@ -21,6 +19,7 @@ from autowaze.vehicle.semantics.classes import kinds
 from autowaze.vehicle.semantics.gallery import Gallery
 from autowaze.vehicle.semantics.instance_depth import InstanceDepths
 from autowaze.vehicle.semantics.seniority import prefer_elders
+from autowaze.vehicle.semantics.sort_settings import SortSettings
 from autowaze.vehicle.semantics.whereabouts import LENGTH_M, GroundPlane, Sightings, Whereabouts, look
 from autowaze.world.camera import StereoCamera
 from autowaze.world.instances import Detections, Tracks
@@ -31,45 +30,12 @@ _CALM_GAIN = 0.1  # one frame's weight in whether a track stands: a car that pas
 _BORDER_PX = 2.0  # a box that comes as near to the border of the image as this is cut by it
 
 
-@dataclass(frozen=True, slots=True)
-class SortSettings:
-    """What can be set about tracking.
-
-    Attributes:
-        min_iou: least overlap of a detection with the foretold box (paper: IoU_min = 0.3).
-        min_iou_waiting: the same for a track that was not seen in the frame before.
-        min_iou_elsewhere: the same where the depths contradict each other; the depth may be that of a pole in front.
-        min_hits: frames that a track must have been seen in before it is reported.
-        max_age: frames without a detection that a track survives (paper: T_Lost = 1).
-        max_age_in_map: the same for a track whose place in the map is known and in view.
-        max_drift: shift of a box per frame over its size, beyond ego motion, up to which the object may be standing.
-        min_containment: least share of a detection that lies in the foretold box of a partly hidden object, when
-            their depths agree.
-        max_apart_m: distance over ground up to which what comes to sight may be another part of a hidden vehicle: half
-            a car's length and a bit, well below the pitch at which cars park along a kerb.
-        max_across_m: the same across the line of sight, where its depth is unknown.
-        min_iou_in_place: least overlap with the box of the frame before of what nothing foretold explains.
-    """
-
-    min_iou: float = 0.2
-    min_iou_waiting: float = 0.35
-    min_iou_elsewhere: float = 0.5
-    min_hits: int = 1
-    max_age: int = 1
-    max_age_in_map: int = 30
-    max_drift: float = 0.12
-    min_containment: float = 0.7
-    max_apart_m: float = 3.5
-    max_across_m: float = 1.5
-    min_iou_in_place: float = 0.6
-
-
 class Sort:
     """Gives detections ids that hold over frames; plain SORT without a camera or without poses and depths."""
 
-    def __init__(self, camera: StereoCamera | None = None, settings: SortSettings = SortSettings()) -> None:
+    def __init__(self, camera: StereoCamera | None = None, settings: SortSettings | None = None) -> None:
         self.camera = camera
-        self.settings = settings
+        self.settings = settings or SortSettings()
         self._filter = BoxFilter()
         self._billboards = Billboards(camera) if camera is not None else None
         self._id = np.zeros(0, np.int32)
@@ -86,7 +52,11 @@ class Sort:
         self._gallery = Gallery()
 
     def update(
-        self, detections: Detections, T_map_cam: Pose | None = None, depths: InstanceDepths | None = None
+        self,
+        detections: Detections,
+        T_map_cam: Pose | None = None,
+        depths: InstanceDepths | None = None,
+        moving_ids: ArrayLike = (),
     ) -> Tracks:
         """Tracks of the next frame.
 
@@ -94,11 +64,13 @@ class Sort:
             detections: instances of the frame.
             T_map_cam: pose of the frame or its prediction; None for plain SORT.
             depths: how far away the detections are (`instance_depth.measure_depths`); None for plain SORT.
+            moving_ids: of tracks known to move; a car ahead at our own speed stays in its place in the image.
 
         Returns:
             The detections that belong to a reported track, in their order, with the label most often seen.
         """
         self._frame += 1
+        self._calm[np.isin(self._id, moving_ids)] = 0.0
         measured = boxes_to_measurements(detections.box)
         depths = depths if depths is not None else InstanceDepths.unknown(len(detections))
         depths = without_borrowed(self.camera, detections, depths) if self.camera is not None else depths
@@ -131,20 +103,22 @@ class Sort:
         boxes, foretold = np.asarray(detections.box, np.float64), self._foretold()
         iou, containment = overlaps(boxes, foretold)
         same_kind = kinds(detections.label)[:, None] == kinds(self._label())[None, :]
-        elsewhere, agree, far_end = self._compare_depths(depths)
+        waits = self._waits_in_map()
+        elsewhere, agree, far_end = self._compare_depths(depths, waits)
+        widest = np.nan_to_num(self._billboards.widest_boxes()) if self._billboards else None
         rows = np.full(len(detections), -1, np.int64)
         s = self.settings
+        seen_before = (self._age == 0)[None, :]
         enough = iou >= np.where(self._age == 0, s.min_iou, s.min_iou_waiting)[None, :]
         assign(rows, np.where(same_kind & ~elsewhere & enough, iou, 0.0))
-        seen_before = (self._age == 0)[None, :]
         # A sliver of what was just seen whole is too small for a depth; or the far end is all that is left to see.
         fits = agree | ((np.isnan(depths.left)[:, None] | far_end) & seen_before)
         assign(rows, np.where(same_kind & fits & (containment >= s.min_containment), containment, 0.0))
         assign(rows, np.where(same_kind & elsewhere & (iou >= s.min_iou_elsewhere), iou, 0.0))
         # Of what another thing slides before, now this part is seen and now that.
-        if self._billboards:
-            _, part = overlaps(boxes, np.nan_to_num(self._billboards.widest_boxes()))
-            possible = same_kind & agree & self._waits_in_map() & (part >= s.min_containment)
+        if widest is not None:
+            whole, part = overlaps(boxes, widest)
+            possible = same_kind & agree & waits & (part >= s.min_containment)
             assign(rows, np.where(possible, part, 0.0))
             assign(rows, np.where(same_kind & far_end & seen_before & (iou >= s.min_iou), iou, 0.0))
         # What leaves the image shrinks within its box to a bonnet in the corner, too small for a depth.
@@ -156,7 +130,7 @@ class Sort:
         # box of the frame before is what was there.
         assign(rows, np.where(same_kind & seen_before & (there >= s.min_iou_in_place), there, 0.0))
         if self._billboards:
-            self._match_in_map(rows, detections, depths, same_kind)
+            self._match_in_map(rows, detections, depths, same_kind & waits)
         # What hid it has passed: all that was seen before is now a part of it.
         swallowed = np.maximum(overlaps(self._last_box, boxes)[1], overlaps(foretold, boxes)[1]).T
         uncovered = swallowed >= s.min_containment
@@ -164,15 +138,14 @@ class Sort:
         # The depth of a thin person is easily that of the wall behind; nobody walks far in a frame.
         thin = same_kind & ~is_vehicle(detections.label)[:, None] & seen_before
         assign(rows, np.where(thin & (there >= s.min_iou), there, 0.0))
-        if self._billboards:
-            whole, _ = overlaps(boxes, np.nan_to_num(self._billboards.widest_boxes()))
+        if widest is not None:
             area = (detections.box[:, 2:] - detections.box[:, :2]).prod(axis=1)
             possible = same_kind & agree & is_vehicle(detections.label)[:, None]
             prefer_elders(rows, self._hits, area, np.maximum(iou, whole), possible)
         return rows
 
     def _match_in_map(
-        self, rows: NDArray[np.int64], detections: Detections, depths: InstanceDepths, same_kind: NDArray[np.bool_]
+        self, rows: NDArray[np.int64], detections: Detections, depths: InstanceDepths, may_be: NDArray[np.bool_]
     ) -> None:
         """Give vehicles that nothing explains the hidden tracks that stand where they are.
 
@@ -182,8 +155,7 @@ class Sort:
         assert self._billboards is not None
         apart = self._billboards.distance(detections.box, depths)
         limit = np.where(np.isnan(depths.left), self.settings.max_across_m, self.settings.max_apart_m)[:, None]
-        hidden = self._waits_in_map() & (self._age > 0)
-        possible = same_kind & is_vehicle(detections.label)[:, None] & hidden & (apart < limit)
+        possible = may_be & is_vehicle(detections.label)[:, None] & (self._age > 0) & (apart < limit)
         unexplained = rows < 0
         assign(rows, np.where(possible, 1.0 - apart / limit, 0.0))
         found = rows[unexplained & (rows >= 0)]
@@ -226,7 +198,7 @@ class Sort:
         limit = np.array([self.camera.width, self.camera.height]) - _BORDER_PX
         return np.concatenate([boxes[:, :2] <= _BORDER_PX, boxes[:, 2:] >= limit], axis=1)
 
-    def _compare_depths(self, depths: InstanceDepths) -> tuple[NDArray[np.bool_], ...]:
+    def _compare_depths(self, depths: InstanceDepths, waits: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], ...]:
         """Which detections lie wholly before or behind a track, at its depth, or where its far end may; (D, T) each."""
         if self._billboards is None:
             nothing = np.zeros((len(depths), len(self._id)), np.bool_)
@@ -238,7 +210,7 @@ class Sort:
         elsewhere = (near > track + tolerance) | (far < track - tolerance)
         length = LENGTH_M[self._label()] * is_vehicle(self._label())
         behind = (middle > track) & (near <= track + length + tolerance)
-        return elsewhere, np.abs(middle - track) <= tolerance, behind & self._waits_in_map()
+        return elsewhere, np.abs(middle - track) <= tolerance, behind & waits
 
     def _start_tracks(self, measured: NDArray[np.float64]) -> NDArray[np.int64]:
         """Append a track per measured box (n, 4); returns their rows (n,)."""
@@ -259,11 +231,14 @@ class Sort:
 
     def _report(self, rows: NDArray[np.int64], detections: Detections) -> Tracks:
         reported = self._hits[rows] >= self.settings.min_hits
-        d, shown = detections[reported], rows[reported]
+        d, shown = (detections, rows) if reported.all() else (detections[reported], rows[reported])  # masks are large
         return Tracks(self._id[shown], d.box, self._label()[shown], d.confidence, d.mask)
 
     def _drop_lost(self) -> None:
-        keep = self._age <= np.where(self._waits_in_map(), self.settings.max_age_in_map, self.settings.max_age)
+        s = self.settings
+        is_traffic = (self._hits >= s.seasoned) & (self._calm <= 0.5) & ~self._cut(self._last_box).any(axis=1)
+        max_age = np.where(is_traffic, s.max_age_traffic, s.max_age)
+        keep = self._age <= np.where(self._waits_in_map(), s.max_age_in_map, max_age)
         self._remember(~keep)
         self._filter.keep(keep)
         if self._billboards:

@@ -18,7 +18,7 @@ _CERTAIN = 6.0
 """Logit: a link more sure than that counts no more."""
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def average_linkage(
     owner: NDArray[np.int32], count: int, links: NDArray[np.float32], reach: NDArray[np.int64], bias: float
 ) -> NDArray[np.int32]:
@@ -58,7 +58,7 @@ def average_linkage(
     return joined
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _largest(owner: NDArray[np.int32], count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The groups (K,) looked at, largest first, and the place (count,) of each group among them, -1 for none."""
     area = np.zeros(count, np.int64)
@@ -73,7 +73,7 @@ def _largest(owner: NDArray[np.int32], count: int) -> tuple[NDArray[np.int64], N
     return largest, place
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _between(
     owner: NDArray[np.int32],
     place: NDArray[np.int64],

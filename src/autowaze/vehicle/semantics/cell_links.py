@@ -94,8 +94,9 @@ class CellLinks:
         kept = np.flatnonzero((confidence >= self._min_confidence) & (label != UNKNOWN_CLASS))
         kept = kept[np.argsort(-confidence[kept], kind="stable")]
         masks, boxes = _masks(kept, owner, margin, letterbox, size)
-        seen = np.flatnonzero(masks.any(axis=(1, 2)))
-        return Detections(boxes, label[kept], confidence[kept], masks)[seen]
+        found = Detections(boxes, label[kept], confidence[kept], masks)
+        seen = boxes[:, 2] > 0
+        return found if seen.all() else found[seen]  # masks are large
 
     def _letterbox(self, size: tuple[int, int]) -> Letterbox:
         if self._fixed_size is None:
@@ -127,9 +128,11 @@ def group_cells(
     links = cells[-len(LINKS) :]
     group, count = mutex_watershed(kind, links, _REACH, _BIAS)
     group = average_linkage(group, count, links, _REACH, _BIAS_OF_GROUPS)
-    area = np.bincount(group[group >= 0], minlength=count)
+    inside = np.flatnonzero(group >= 0)
+    group_inside = group.ravel()[inside]
+    area = np.bincount(group_inside, minlength=count)
     class_of_group = np.zeros(count, np.int8)
-    class_of_group[group[group >= 0]] = kind[group >= 0]
+    class_of_group[group_inside] = kind.ravel()[inside]
     least = np.where(class_of_group == CLASSES.index("vehicle"), _MIN_CELLS_OF_VEHICLE, _MIN_CELLS)
     large = np.argsort(-area, kind="stable")[:_MAX_INSTANCES]
     large = large[area[large] >= least[large]]
@@ -140,7 +143,7 @@ def group_cells(
     return owner, margin, confidence, class_number
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _foreground(logits: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
     """How much more (1 + C, h, w) logits show than background, and of which class, -1 where nothing: (h, w) each."""
     classes, height, width = logits.shape
@@ -156,7 +159,7 @@ def _foreground(logits: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArr
     return margin, kind
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _judged(
     owner: NDArray[np.int16],
     kind: NDArray[np.int8],
@@ -187,7 +190,7 @@ def _judged(
     return confidence.astype(np.float32), class_number
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _sigmoid(x: float) -> float:
     """Of a logit, from a table: it is asked for a hundred thousand times a frame."""
     step = min(max(x, -_TABLE_END), _TABLE_END) * _STEPS_PER_LOGIT
@@ -201,7 +204,7 @@ def _masks(
     letterbox: Letterbox,
     size: tuple[int, int],
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """Masks (N, H, W) and boxes (N, 4): a pixel is in the mask where its logit is positive, interpolated."""
+    """Masks (N, H, W) and boxes (N, 4), zero for nothing: a pixel is in where its logit is positive, interpolated."""
     masks = np.zeros((len(kept), *size), np.bool_)
     boxes = np.zeros((len(kept), 4), np.float32)
     per_pixel = letterbox.scale / OUTPUT_STRIDE
@@ -218,13 +221,15 @@ def _masks(
         corners = np.array([x0, y0, x0 + logits.shape[1], y0 + logits.shape[0]], np.float32)
         around = (corners - np.array([*padding, *padding], np.float32)) / np.float32(per_pixel)
         paste_in_box(mask, around, logits, (per_pixel, per_pixel), offset, threshold=0.0)
-        columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
+        left, top = np.maximum(around[:2].astype(int), 0)
+        inside = mask[top : int(around[3]) + 1, left : int(around[2]) + 1]
+        columns, rows = np.flatnonzero(inside.any(axis=0)), np.flatnonzero(inside.any(axis=1))
         if len(rows):
-            box[:] = columns[0], rows[0], columns[-1] + 1, rows[-1] + 1
+            box[:] = left + columns[0], top + rows[0], left + columns[-1] + 1, top + rows[-1] + 1
     return masks, boxes
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _extents(owner: NDArray[np.int16], count: int) -> NDArray[np.int64]:
     """First and last column and row (count, 4), x0, y0, x1, y1, of every instance's pixels."""
     extents = np.empty((count, 4), np.int64)

@@ -16,7 +16,7 @@ _LEVELS_PER_LOGIT = 50.0
 """Logits beyond ten are all as sure; a bucket sort orders half a million links in the time of reading them."""
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def mutex_watershed(
     kind: NDArray[np.int8], links: NDArray[np.float32], reach: NDArray[np.int64], bias: float
 ) -> tuple[NDArray[np.int32], int]:
@@ -68,7 +68,7 @@ def mutex_watershed(
     return _numbered(kind, parent)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _sorted_links(
     kind: NDArray[np.int8], links: NDArray[np.float32], reach: NDArray[np.int64], bias: float
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.bool_]]:
@@ -102,7 +102,7 @@ def _sorted_links(
     return first, second, joins
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _root(parent: NDArray[np.int32], cell: int) -> int:
     while parent[cell] != cell:
         parent[cell] = parent[parent[cell]]
@@ -110,7 +110,7 @@ def _root(parent: NDArray[np.int32], cell: int) -> int:
     return cell
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _apart(
     parent: NDArray[np.int32],
     head: NDArray[np.int32],
@@ -128,7 +128,7 @@ def _apart(
     return False
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _numbered(kind: NDArray[np.int8], parent: NDArray[np.int32]) -> tuple[NDArray[np.int32], int]:
     height, width = kind.shape
     owner = np.full((height, width), -1, np.int32)

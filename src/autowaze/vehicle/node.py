@@ -138,7 +138,7 @@ class VehicleNode:
             on_moving = np.isin(features.instance_id, self._motion.moving_ids)
             tracked = self.slam.track(features, frame.timestamp, frame.index, self._gnss_position(frame), on_moving)
         with self.times.stage("motion"):
-            motions = self._moved(features, tracked, frame)
+            motions = self._moved(features, tracked, frame, tracks)
         ground = self._look_at_ground(disparity, tracked, tracks)
         self._frames += 1
         self.observation = FrameObservation(tracked, features, tracks, motions, ground)
@@ -220,11 +220,11 @@ class VehicleNode:
         position = self.georeference.to_map(np.array([[fix.lon_deg, fix.lat_deg]]), fix.altitude_m)[0]
         return GnssPosition(np.asarray(position), fix.horizontal_sigma_m)
 
-    def _moved(self, features: CameraFeatures, tracked: TrackedFrame, frame: StereoFrame) -> Motions:
+    def _moved(self, features: CameraFeatures, tracked: TrackedFrame, frame: StereoFrame, tracks: Tracks) -> Motions:
         """Motion in the map; a pose that is only guessed would set everything in motion."""
         if not tracked.is_trustworthy:
             return Motions.empty()
-        return self._motion.update(features, tracked.T_map_cam, frame.timestamp)
+        return self._motion.update(features, tracked.T_map_cam, frame.timestamp, tracks)
 
     def _dense_disparity(self, frame: StereoFrame) -> NDArray[np.float32] | None:
         """Of the frames whose ground is looked at."""

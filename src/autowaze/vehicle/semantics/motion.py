@@ -22,11 +22,13 @@ from autowaze.vehicle.semantics.displacement import (
     places_of,
     pose_jump,
 )
+from autowaze.vehicle.semantics.looming import SizeSight, sights_of
 from autowaze.vehicle.semantics.motion_belief import MotionBelief, MotionSettings
 from autowaze.vehicle.semantics.rematching import match_within_instances
 from autowaze.world.camera import StereoCamera
 from autowaze.world.columns import Columns
 from autowaze.world.features import CameraFeatures
+from autowaze.world.instances import Tracks
 from autowaze.world.labels import ClassLabel
 from autowaze.world.pose import Pose, transform
 
@@ -83,19 +85,23 @@ class MotionClassifier:
         """Ids judged moving so far, ascending; serves the next frame before its pose is known."""
         return np.array(sorted(i for i, b in self._beliefs.items() if b.moving), dtype=np.int32)
 
-    def update(self, features: CameraFeatures, T_map_cam: Pose, timestamp: float) -> Motions:
+    def update(
+        self, features: CameraFeatures, T_map_cam: Pose, timestamp: float, tracks: Tracks | None = None
+    ) -> Motions:
         """Motion of every instance that has features with depth in this frame.
 
         Args:
             features: with labels and instance ids (`association.associate`).
             T_map_cam: trusted pose of the frame.
             timestamp: seconds.
+            tracks: the instances as they are seen; None leaves out what their size tells.
         """
         now = self._sight(features, T_map_cam, timestamp)
+        sights = sights_of(self.camera, tracks, self._steady(T_map_cam), timestamp) if tracks is not None else {}
         self._ahead = T_map_cam[:2, 2] / max(float(np.linalg.norm(T_map_cam[:2, 2])), 1e-9)
         ids, first = np.unique(now.instance, return_index=True)
         self._remember(ids, now.label[first], timestamp)
-        self._judge(now)
+        self._judge(now, sights)
         self._sightings.append(now)
         beliefs = [self._beliefs[int(i)] for i in ids]
         moving = np.array([b.moving for b in beliefs], np.bool_)
@@ -122,6 +128,12 @@ class MotionClassifier:
         rows = np.flatnonzero((features.instance_id > 0) & features.has_depth)
         rows = rows[np.argsort(features.instance_id[rows], kind="stable")]
         return self._place(features, rows, T_map_cam, timestamp)
+
+    def _steady(self, T_map_cam: Pose) -> Pose:
+        """The pose without the jumps so far."""
+        steady = T_map_cam.copy()
+        steady[:3, 3] -= self._jumps
+        return steady
 
     def _place(self, features: CameraFeatures, rows: NDArray[np.int64], T_map_cam: Pose, timestamp: float) -> Sighting:
         f = features[rows]
@@ -167,7 +179,7 @@ class MotionClassifier:
                 found.append(nearest)
         return found
 
-    def _judge(self, now: Sighting) -> None:
+    def _judge(self, now: Sighting, sights: dict[int, SizeSight]) -> None:
         """Add the evidence of the longest span that can be believed, for each instance that is found again.
 
         Two wheels of a car look alike: taken for one they make it seem to drive. The way between them is the same
@@ -187,16 +199,22 @@ class MotionClassifier:
                     continue
                 judged[instance] = claim if claim and confirmed else found
                 self._beliefs[instance].weigh(judged[instance], self._ahead, self._elapsed(now))
-        self._judge_by_places(now, judged)
+        self._judge_by_places(now, sights, judged)
 
-    def _judge_by_places(self, now: Sighting, judged: dict[int, Velocity]) -> None:
+    def _judge_by_places(self, now: Sighting, sights: dict[int, SizeSight], judged: dict[int, Velocity]) -> None:
         """Add the evidence of where instances are: some are too small or too smooth to be found again by features.
 
         Which part of a vehicle is seen says nothing of its motion, but is never off by more than the vehicle is long.
         """
         elapsed = self._elapsed(now)
         for instance, place in places_of(now).items():
-            self._beliefs[instance].take_place(place, self._ahead, elapsed, judged.get(instance))
+            belief, sight = self._beliefs[instance], sights.get(instance)
+            if sight is not None:
+                disparity = float(np.median(now.disparity[now.instance == instance]))
+                depth = self.camera.bf / disparity
+                depth_sigma = depth / disparity * self.settings.common_disparity_sigma
+                sight = sight if belief.stature.agrees(sight, depth, depth_sigma) else None
+            belief.take_place(place, sight, self._ahead, elapsed, judged.get(instance))
 
     def _elapsed(self, now: Sighting) -> float:
         return now.timestamp - self._sightings[-1].timestamp if self._sightings else 0.0

@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.vehicle.semantics.displacement import ACCELERATION, Place, Velocity, log_normal, velocity_over
+from autowaze.vehicle.semantics.looming import SizeSight, Stature
 from autowaze.world.labels import ClassLabel
 
 # Before any evidence: vehicles mostly stand at the kerb, people mostly walk.
 _PRIOR_LOG_ODDS = {ClassLabel.PERSON: 1.0, ClassLabel.ANIMAL: 1.0, ClassLabel.TWO_WHEELER: 0.0}
 _PRIOR_LOG_ODDS_OTHERS = -1.0
 _MAX_LOG_ODDS, _MAX_STEP = 6.0, 3.0
-_SHARES = (0.25, 0.25, 0.5)  # of what moves: anywhere, along the street, on as before
+_GOES_ON = 0.5  # share of what moves that goes on as before; of the rest half goes anywhere, half along the street
+_CRAWL_MPS = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,40 +62,72 @@ class MotionBelief:
     Attributes:
         velocity: (2,) m/s, if it moves.
         last_seen: seconds.
+        stature: how high it is.
     """
 
     def __init__(self, settings: MotionSettings, label: ClassLabel) -> None:
         self.settings = settings
         self.velocity = np.zeros(2)
         self.last_seen = -np.inf
+        self.stature = Stature(label)
         self._covariance = np.eye(2) * settings.moving_mps**2
         self._log_odds = _PRIOR_LOG_ODDS.get(label, _PRIOR_LOG_ODDS_OTHERS)
         self._way_tells = 0.0
         self._places: deque[Place] = deque()
+        self._sights: deque[SizeSight] = deque()
 
     @property
     def moving(self) -> bool:
         """Whether it rather moves, by all looks, and by the way of late, which every frame tells again, once."""
         return self._log_odds + self._way_tells > 0
 
-    def take_place(self, place: Place, ahead: NDArray[np.float64], elapsed: float, found: Velocity | None) -> None:
+    def take_place(
+        self,
+        place: Place,
+        sight: SizeSight | None,
+        ahead: NDArray[np.float64],
+        elapsed: float,
+        found: Velocity | None,
+    ) -> None:
         """Take in where it is, after the velocity that its features told in this frame, if they did.
 
         Where they told it well nothing is added: a track may have come from another vehicle.
+
+        Args:
+            place: by its features.
+            sight: where it is seen whole and as large as stereo says.
+            ahead: (2,) unit vector, the way that the car looks over ground.
+            elapsed: seconds since the frame before.
+            found: the velocity.
         """
-        places, (least, most) = self._places, self.settings.place_span_s
         is_known = found is not None and float(np.trace(found.covariance)) < self.settings.well_known_mps**2
         self._way_tells = 0.0 if is_known else self._way_tells
-        while places and place.timestamp - places[0].timestamp > most:
-            places.popleft()
-        if places and place.timestamp - places[-1].timestamp < self.settings.place_interval_s:
+        if sight is not None:
+            self._keeps(self._sights, sight)
+        if not self._keeps(self._places, place):
             return
-        places.append(place)
         self._way_tells = 0.0
-        if place.timestamp - places[0].timestamp >= least and not is_known:
-            way = velocity_over(places)
+        way = self._way(by_size=sight is not None)
+        if way is not None and not is_known:
             self._way_tells = max(self.log_factor(way, ahead), 0.0)
             self.weigh(way, ahead, elapsed, is_news=found is None)
+
+    def _keeps(self, some: deque[Place] | deque[SizeSight], one: Place | SizeSight) -> bool:
+        """Forget the old ones, and keep this one if it is not too soon after the last."""
+        while some and one.timestamp - some[0].timestamp > self.settings.place_span_s[1]:
+            some.popleft()
+        is_soon = bool(some) and one.timestamp - some[-1].timestamp < self.settings.place_interval_s
+        if not is_soon:
+            some.append(one)  # type: ignore[arg-type]
+        return not is_soon
+
+    def _way(self, by_size: bool) -> Velocity | None:
+        """The velocity by size, or else by where its features are, over a second at least."""
+        sized = [self.stature.place(sight) for sight in self._sights] if by_size else []
+        for places in (sized, self._places):
+            if places and places[-1].timestamp - places[0].timestamp >= self.settings.place_span_s[0]:
+                return velocity_over(places)
+        return None
 
     def weigh(self, found: Velocity, ahead: NDArray[np.float64], elapsed: float, is_news: bool = True) -> None:
         """Take in a measured velocity.
@@ -131,5 +165,7 @@ class MotionBelief:
             log_normal(found.mean - self.velocity, found.covariance + before),
         )
         still = log_normal(found.mean, found.covariance + np.eye(2) * s.still_mps**2)
-        most = max(moving)
-        return most + math.log(sum(w * math.exp(m - most) for w, m in zip(_SHARES, moving, strict=True))) - still
+        # What has come to rest does not go on as before.
+        goes_on = _GOES_ON * (1.0 - math.exp(-float(self.velocity @ self.velocity) / (2.0 * _CRAWL_MPS**2)))
+        shares, most = ((1.0 - goes_on) / 2, (1.0 - goes_on) / 2, goes_on), max(moving)
+        return most + math.log(sum(w * math.exp(m - most) for w, m in zip(shares, moving, strict=True))) - still

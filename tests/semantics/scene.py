@@ -29,7 +29,7 @@ def see(points_map, T_map_cam, descriptors, instance, noise=None, sigma_px=0.4, 
         descriptor=descriptors,
         u_right=uvr[:, 2].astype(np.float32),
         depth=depth.astype(np.float32),
-        position_cam=CAMERA.back_project(uvr[:, :2], depth).astype(np.float32),
+        position_cam=camera.back_project(uvr[:, :2], depth).astype(np.float32),
         label=np.where(ids > 0, label, ClassLabel.BACKGROUND).astype(np.uint8),
         instance_id=ids,
     )

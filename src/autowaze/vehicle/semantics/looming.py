@@ -7,6 +7,7 @@ cancels out of the way of what keeps its distance, and stretches that of the res
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,19 +80,15 @@ class Stature:
     def __init__(self, label: ClassLabel) -> None:
         self._log_height = float(np.log(HEIGHT_M[label]))
         self._variance = _HEIGHT_SIGMA**2
-        self._last: SizeSight | None = None
 
     def agrees(self, sight: SizeSight, depth: float, depth_sigma: float) -> bool:
-        """Whether a look shows as much of the vehicle as the one before, at the depth that stereo says; learns by it.
+        """Whether a look shows the vehicle as high as it is known to be, at the depth that stereo says; learns by it.
 
         Args:
             depth, depth_sigma: by stereo, metres.
         """
-        last, self._last = self._last, sight
         variance = (depth_sigma / depth) ** 2 + sight.sigma**2
         off = np.log(depth / sight.depth_per_metre) - self._log_height
-        if last is not None and abs(sight.aspect - last.aspect) > _SAME_SHAPE:
-            return False
         if abs(off) > _SIGMAS * np.sqrt(self._variance + variance):
             return False
         gain = self._variance / (self._variance + variance / _SHARE)
@@ -99,8 +96,12 @@ class Stature:
         self._variance = max((1.0 - gain) * self._variance, _LEAST_HEIGHT_SIGMA**2)
         return True
 
-    def place(self, sight: SizeSight) -> Place:
-        """Where the vehicle was, by a look at it and by what is known of its height now."""
+    def places(self, sights: Iterable[SizeSight], now: SizeSight) -> list[Place]:
+        """Where the vehicle was, by the looks that show as much of it as one now does."""
+        return [self._place(sight) for sight in sights if abs(sight.aspect - now.aspect) <= _SAME_SHAPE]
+
+    def _place(self, sight: SizeSight) -> Place:
+        """By a look, and by what is known of the height now."""
         to = sight.ray * float(np.exp(self._log_height)) * sight.depth_per_metre
         covariance = np.outer(to, to) * sight.sigma**2 + np.eye(2) * _ACROSS_M**2
         return Place(sight.timestamp, sight.camera + to, covariance, to * float(np.sqrt(self._variance)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from autowaze.world.labels import ClassLabel
 _PRIOR_LOG_ODDS = {ClassLabel.PERSON: 1.0, ClassLabel.ANIMAL: 1.0, ClassLabel.TWO_WHEELER: 0.0}
 _PRIOR_LOG_ODDS_OTHERS = -1.0
 _MAX_LOG_ODDS, _MAX_STEP = 6.0, 3.0
+_Seen = TypeVar("_Seen", Place, SizeSight)
+
 _GOES_ON = 0.5  # share of what moves that goes on as before; of the rest half goes anywhere, half along the street
 _CRAWL_MPS = 0.5
 
@@ -107,23 +110,23 @@ class MotionBelief:
         if not self._keeps(self._places, place):
             return
         self._way_tells = 0.0
-        way = self._way(by_size=sight is not None)
+        way = self._way(sight)
         if way is not None and not is_known:
             self._way_tells = max(self.log_factor(way, ahead), 0.0)
             self.weigh(way, ahead, elapsed, is_news=found is None)
 
-    def _keeps(self, some: deque[Place] | deque[SizeSight], one: Place | SizeSight) -> bool:
+    def _keeps(self, some: deque[_Seen], one: _Seen) -> bool:
         """Forget the old ones, and keep this one if it is not too soon after the last."""
         while some and one.timestamp - some[0].timestamp > self.settings.place_span_s[1]:
             some.popleft()
         is_soon = bool(some) and one.timestamp - some[-1].timestamp < self.settings.place_interval_s
         if not is_soon:
-            some.append(one)  # type: ignore[arg-type]
+            some.append(one)
         return not is_soon
 
-    def _way(self, by_size: bool) -> Velocity | None:
+    def _way(self, now: SizeSight | None) -> Velocity | None:
         """The velocity by size, or else by where its features are, over a second at least."""
-        sized = [self.stature.place(sight) for sight in self._sights] if by_size else []
+        sized = self.stature.places(self._sights, now) if now is not None else []
         for places in (sized, self._places):
             if places and places[-1].timestamp - places[0].timestamp >= self.settings.place_span_s[0]:
                 return velocity_over(places)

@@ -94,7 +94,8 @@ class MotionBelief:
     ) -> None:
         """Take in where it is, after the velocity that its features told in this frame, if they did.
 
-        Where they told it well nothing is added: a track may have come from another vehicle.
+        Where they told it well, or better than the way of late does, nothing is added: that is of the seconds
+        before, and a track may have come from another vehicle.
 
         Args:
             place: by its features.
@@ -103,17 +104,18 @@ class MotionBelief:
             elapsed: seconds since the frame before.
             found: the velocity.
         """
-        is_known = found is not None and float(np.trace(found.covariance)) < self.settings.well_known_mps**2
-        self._way_tells = 0.0 if is_known else self._way_tells
+        if found is not None and _spread(found) < self.settings.well_known_mps:
+            self._way_tells = 0.0
         if sight is not None:
             self._keeps(self._sights, sight)
         if not self._keeps(self._places, place):
             return
         self._way_tells = 0.0
         way = self._way(sight)
-        if way is not None and not is_known:
-            self._way_tells = max(self.log_factor(way, ahead), 0.0)
-            self.weigh(way, ahead, elapsed, is_news=found is None)
+        if way is None or (found is not None and _spread(found) < max(self.settings.well_known_mps, _spread(way))):
+            return
+        self._way_tells = max(self.log_factor(way, ahead), 0.0)
+        self.weigh(way, ahead, elapsed, is_news=found is None)
 
     def _keeps(self, some: deque[_Seen], one: _Seen) -> bool:
         """Forget the old ones, and keep this one if it is not too soon after the last."""
@@ -172,3 +174,8 @@ class MotionBelief:
         goes_on = _GOES_ON * (1.0 - math.exp(-float(self.velocity @ self.velocity) / (2.0 * _CRAWL_MPS**2)))
         shares, most = ((1.0 - goes_on) / 2, (1.0 - goes_on) / 2, goes_on), max(moving)
         return most + math.log(sum(w * math.exp(m - most) for w, m in zip(shares, moving, strict=True))) - still
+
+
+def _spread(velocity: Velocity) -> float:
+    """Standard deviation in m/s."""
+    return math.sqrt(float(np.trace(velocity.covariance)))

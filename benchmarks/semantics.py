@@ -45,7 +45,7 @@ def run() -> None:
         depths = timed("instance depth", measure_depths, features, detections)
         tracks = timed("track", sort.update, detections, T_map_cam, depths)
         labelled = timed("associate", associate, features, tracks)
-        timed("motion", motion.update, labelled, T_map_cam, frame.timestamp)
+        timed("motion", motion.update, labelled, T_map_cam, frame.timestamp, tracks)
         disparity = timed("disparity", observer.disparity, frame)
         seen = timed("ground cells", observer.cells_of, disparity, T_map_cam)
         timed("ground grid", grid.add, seen)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,33 +63,34 @@ class Velocity:
 
 @dataclass(frozen=True)
 class Place:
-    """Where over ground an instance was seen at a time.
-
-    Attributes:
-        timestamp: seconds.
-        position: (2,) metres in the map.
-        covariance: (2, 2) m^2, of its own.
-        shared: (2,) metres by which it is off if what all places of its kind share is wrong by a standard deviation.
-    """
+    """Where over ground an instance was seen at a time: (2,) metres in the map with covariance (2, 2)."""
 
     timestamp: float
     position: NDArray[np.float64]
     covariance: NDArray[np.float64]
-    shared: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
 
 
 def velocity_over(places: Sequence[Place]) -> Velocity:
-    """The velocity that places, in order of time, tell: the median of those between any two (Theil 1950, Sen 1968).
-
-    When another thing half hides an instance some of its places are wrong altogether. The first and the last say how
-    exact it is: what successive places have in common does not average out.
-    """
+    """The velocity that places, in order of time, tell; the first and the last say how exact it is."""
     times, positions = np.array([p.timestamp for p in places]), np.array([p.position for p in places])
-    first, second = np.triu_indices(len(places), 1)
+    return median_velocity(times, positions, places[0].covariance + places[-1].covariance)
+
+
+def median_velocity(
+    times: NDArray[np.float64], positions: NDArray[np.float64], covariance: NDArray[np.float64]
+) -> Velocity:
+    """The median of the velocities between any two of some positions (Theil 1950, Sen 1968).
+
+    When another thing half hides an instance some of its places are wrong altogether.
+
+    Args:
+        times: (N,) seconds, ascending.
+        positions: (N, 2) metres in the map.
+        covariance: (2, 2) m^2 of the way from the first to the last: what places share does not average out.
+    """
+    first, second = np.triu_indices(len(times), 1)
     slopes = (positions[second] - positions[first]) / (times[second] - times[first])[:, None]
-    first_place, last_place, span = places[0], places[-1], float(times[-1] - times[0])
-    stretched = last_place.shared - first_place.shared
-    covariance = first_place.covariance + last_place.covariance + np.outer(stretched, stretched)
+    span = float(times[-1] - times[0])
     return Velocity(np.median(slopes, axis=0), covariance / span**2, span)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autowaze.vehicle.semantics.billboard import HEIGHT_M
-from autowaze.vehicle.semantics.displacement import Place
+from autowaze.vehicle.semantics.displacement import Velocity, median_velocity
 from autowaze.world.camera import StereoCamera
 from autowaze.world.instances import Tracks
 from autowaze.world.labels import ClassLabel, is_vehicle
@@ -61,7 +61,7 @@ def sights_of(camera: StereoCamera, tracks: Tracks, T_map_cam: Pose, timestamp: 
     before = across & (bottom[None, :] > bottom[:, None]) & (top[None, :] < bottom[:, None])
     found = {}
     for i in np.flatnonzero(whole & is_vehicle(tracks.label) & ~before.any(axis=1)):
-        height = bottom[i] - top[i]
+        width, height = max(right[i] - left[i], 1.0), max(bottom[i] - top[i], 1.0)
         ray = T_map_cam[:2, :3] @ np.array([((left[i] + right[i]) / 2 - camera.cx) / camera.fx, 0.0, 1.0])
         found[int(tracks.id[i])] = SizeSight(
             timestamp,
@@ -69,7 +69,7 @@ def sights_of(camera: StereoCamera, tracks: Tracks, T_map_cam: Pose, timestamp: 
             ray,
             camera.fy / height,
             float(np.hypot(_SIGMA_PX * np.sqrt(2.0) / height, _SIGMA)),
-            float(np.log((right[i] - left[i]) / height)),
+            float(np.log(width / height)),
         )
     return found
 
@@ -96,12 +96,14 @@ class Stature:
         self._variance = max((1.0 - gain) * self._variance, _LEAST_HEIGHT_SIGMA**2)
         return True
 
-    def places(self, sights: Iterable[SizeSight], now: SizeSight) -> list[Place]:
-        """Where the vehicle was, by the looks that show as much of it as one now does."""
-        return [self._place(sight) for sight in sights if abs(sight.aspect - now.aspect) <= _SAME_SHAPE]
-
-    def _place(self, sight: SizeSight) -> Place:
-        """By a look, and by what is known of the height now."""
-        to = sight.ray * float(np.exp(self._log_height)) * sight.depth_per_metre
-        covariance = np.outer(to, to) * sight.sigma**2 + np.eye(2) * _ACROSS_M**2
-        return Place(sight.timestamp, sight.camera + to, covariance, to * float(np.sqrt(self._variance)))
+    def way(self, sights: Iterable[SizeSight], now: SizeSight, least_s: float) -> Velocity | None:
+        """The velocity by the looks that show as much of the vehicle as one now does; None if they span too little."""
+        alike = [sight for sight in sights if abs(sight.aspect - now.aspect) <= _SAME_SHAPE]
+        if not alike or alike[-1].timestamp - alike[0].timestamp < least_s:
+            return None
+        to = np.exp(self._log_height) * np.array([sight.depth_per_metre * sight.ray for sight in alike])
+        positions = np.array([sight.camera for sight in alike]) + to
+        covariance = self._variance * np.outer(to[-1] - to[0], to[-1] - to[0]) + 2.0 * _ACROSS_M**2 * np.eye(2)
+        for end in (0, -1):
+            covariance += alike[end].sigma ** 2 * np.outer(to[end], to[end])
+        return median_velocity(np.array([sight.timestamp for sight in alike]), positions, covariance)

@@ -104,18 +104,17 @@ class MotionBelief:
             elapsed: seconds since the frame before.
             found: the velocity.
         """
-        if found is not None and _spread(found) < self.settings.well_known_mps:
-            self._way_tells = 0.0
+        is_known = found is not None and _spread(found) < self.settings.well_known_mps
+        self._way_tells = 0.0 if is_known else self._way_tells
         if sight is not None:
             self._keeps(self._sights, sight)
         if not self._keeps(self._places, place):
             return
         self._way_tells = 0.0
-        way = self._way(sight)
-        if way is None or (found is not None and _spread(found) < max(self.settings.well_known_mps, _spread(way))):
-            return
-        self._way_tells = max(self.log_factor(way, ahead), 0.0)
-        self.weigh(way, ahead, elapsed, is_news=found is None)
+        way = None if is_known else self._way(sight)
+        if way is not None and (found is None or _spread(found) >= _spread(way)):
+            self._way_tells = max(self.log_factor(way, ahead), 0.0)
+            self.weigh(way, ahead, elapsed, is_news=found is None)
 
     def _keeps(self, some: deque[_Seen], one: _Seen) -> bool:
         """Forget the old ones, and keep this one if it is not too soon after the last."""
@@ -128,11 +127,11 @@ class MotionBelief:
 
     def _way(self, now: SizeSight | None) -> Velocity | None:
         """The velocity by size, or else by where its features are, over a second at least."""
-        sized = self.stature.places(self._sights, now) if now is not None else []
-        for places in (sized, self._places):
-            if places and places[-1].timestamp - places[0].timestamp >= self.settings.place_span_s[0]:
-                return velocity_over(places)
-        return None
+        least = self.settings.place_span_s[0]
+        way = self.stature.way(self._sights, now, least) if now is not None else None
+        if way is None and self._places[-1].timestamp - self._places[0].timestamp >= least:
+            way = velocity_over(self._places)
+        return way
 
     def weigh(self, found: Velocity, ahead: NDArray[np.float64], elapsed: float, is_news: bool = True) -> None:
         """Take in a measured velocity.

@@ -60,6 +60,10 @@ class GroundGrid:
         self._cells, self._windows = self._cells[waits], self._windows[waits] + 1
         return classes[told]
 
+    def forget(self) -> None:
+        """Take back all that was not told."""
+        self._cells, self._windows, self._frames = GroundCells.empty(), np.zeros(0, np.int64), []
+
     def cells(self) -> GroundCells:
         """Votes so far, sorted by ix, then iy."""
         self._count()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ _KNOWN_FRACTION = 0.45
 _SAME_SIGMAS = 2.0
 _ENOUGH_TO_REPLACE = 10  # features
 _BYTES_PER_DESCRIBED, _BYTES_PER_PLAIN = 43, 6  # on the wire, after compression, seen on real streets
+_NEAR_PATH_M = 60.0
 _NEVER_MAPPED = (ClassLabel.PERSON, ClassLabel.ANIMAL)
 
 
@@ -213,3 +215,12 @@ def _distances(
         return np.full(len(places), np.inf)
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)  # asked once: most of the time goes into making it
     return np.asarray(tree.query(places, distance_upper_bound=at_most_m)[0])
+
+
+def near_path(position: NDArray[np.floating], path: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
+    """Which of the positions (N, 3) a window that came along a path of (3,) may have come near."""
+    if not path:
+        return np.zeros(len(position), np.bool_)
+    places = np.array(path)[:, :2]
+    low, high = places.min(axis=0) - _NEAR_PATH_M, places.max(axis=0) + _NEAR_PATH_M
+    return np.asarray(((position[:, :2] > low) & (position[:, :2] < high)).all(axis=1))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from autowaze.vehicle.diffing.found import FoundLandmarks
 from autowaze.vehicle.diffing.instances import InstanceRecord
-from autowaze.vehicle.diffing.novelty import new_features, replaced_features
+from autowaze.vehicle.diffing.novelty import near_path, new_features, replaced_features
 from autowaze.vehicle.diffing.registration import RowRegistration
 from autowaze.vehicle.diffing.removal import LookedFor, removed_features
 from autowaze.vehicle.diffing.settings import DiffSettings
@@ -34,7 +34,7 @@ from autowaze.world.map_diff import SemanticMapDiff, Trajectory
 from autowaze.world.parking import ParkingMap
 from autowaze.world.pose import heading_of
 
-_NEAR_PATH_M = 60.0
+_UNSURE_M = 1.0  # of a position that is not that of half a bay: what was seen from there is put down elsewhere
 _CELLS_PER_BYTE, _BYTES_OF_THE_REST = 8, 1000  # on the wire: ground; instances, traffic, path
 
 
@@ -139,6 +139,8 @@ class DiffWindow:
         self._times.append(tracked.timestamp)
         if not tracked.is_trustworthy:
             return
+        if self._sigmas and self._sigmas[-1] > _UNSURE_M and self._is_sure(tracked):
+            self._take_back()
         self._note_path(tracked)
         self._found.add(tracked, observation.features, self._is_map_thin(tracked, observation.features, landmarks))
         self._instances.add(observation.tracks, observation.motions, tracked.T_map_cam)
@@ -187,6 +189,14 @@ class DiffWindow:
 
     def _open(self) -> None:
         self._times: list[float] = []
+        self._forget()
+
+    def _take_back(self) -> None:
+        """The map was found: what was seen so far is elsewhere."""
+        self._ground.forget()
+        self._forget()
+
+    def _forget(self) -> None:
         self._sigmas: list[float] = []
         self._path: list[tuple[float, NDArray[np.float64], float]] = []
         self._localized = 0
@@ -211,7 +221,7 @@ class DiffWindow:
         return self._ground.tell(position[:2], heading)
 
     def _note_path(self, tracked: TrackedFrame) -> None:
-        self._sigmas.append(_position_sigma(tracked))
+        self._sigmas.append(tracked.position_sigma_m)
         self._place = tracked.T_map_cam[:3, 3].copy(), heading_of(tracked.T_map_cam)
         if not self._path or tracked.timestamp >= self._path[-1][0] + self.settings.trajectory_interval_s - 1e-6:
             self._path.append((tracked.timestamp, *self._place))
@@ -231,11 +241,11 @@ class DiffWindow:
         return stored < self.settings.enough_stored
 
     def _can_judge(self, tracked: TrackedFrame) -> bool:
-        return (
-            len(self._stored) > 0
-            and tracked.state is TrackingState.LOCALIZED
-            and _position_sigma(tracked) <= self.settings.max_position_sigma_m
-        )
+        return len(self._stored) > 0 and self._is_sure(tracked)
+
+    def _is_sure(self, tracked: TrackedFrame) -> bool:
+        is_localized = tracked.state is TrackingState.LOCALIZED
+        return is_localized and tracked.position_sigma_m <= self.settings.max_position_sigma_m
 
     @property
     def _may_tell_removals(self) -> bool:
@@ -253,7 +263,8 @@ class DiffWindow:
     ) -> tuple[MapFeatures, NDArray[np.int64], NDArray[np.uint64]]:
         """New features in wire order, the landmarks that they are, and ids of stored ones in whose place they are."""
         candidates = self._found.candidates(landmarks, self._sent, self.settings)
-        stored = self._stored.features[self._near_path(self._stored.features)]
+        stored = self._stored.features
+        stored = stored[near_path(stored.position, [position for _, position, _ in self._path])]
         stored = stored[~np.isin(stored.id, self._removed)]
         vehicle = is_vehicle(stored.label)
         budget = self.settings.max_diff_bytes - _BYTES_OF_THE_REST - n_cells // _CELLS_PER_BYTE
@@ -285,16 +296,3 @@ class DiffWindow:
             observations=np.minimum(candidates.found[chosen], 0xFFFF).astype(np.uint16),
         )
         return new, candidates.landmark_id[chosen], cars.id[replaced]
-
-    def _near_path(self, features: MapFeatures) -> NDArray[np.bool_]:
-        """Mask (N,) of the features that the window may have come near."""
-        if not self._path:
-            return np.zeros(len(features), np.bool_)
-        path = np.array([position[:2] for _, position, _ in self._path])
-        low, high = path.min(axis=0) - _NEAR_PATH_M, path.max(axis=0) + _NEAR_PATH_M
-        return np.asarray(((features.position[:, :2] > low) & (features.position[:, :2] < high)).all(axis=1))
-
-
-def _position_sigma(tracked: TrackedFrame) -> float:
-    """One standard deviation of the horizontal position, metres."""
-    return float(np.sqrt(max(np.trace(tracked.covariance[:2, :2]), 0.0)))

@@ -25,6 +25,8 @@ _RATIO = 0.85
 _ELSEWHERE_M = 1.0  # the second best match must be another place, not a second landmark of the same corner
 _MIN_INLIERS = 12
 _WIDE = 3.0  # windows after the consensus, whose pose is good to a few pixels only
+_PLACE_M, _LOOKING_RAD, _DISPARITY_PX = 1.0, 0.07, 0.5  # by which matches that agree on a place may be off
+_PLACES = 20  # that are tried
 _CHECKS = 5  # frames, from the one in which the map was found on, in which it is looked for once more
 _OTHER_POSE_M = 0.2  # what is less far from a pose is left to tracking
 
@@ -49,14 +51,24 @@ class Relocalizer:
         self._unlocalized_frames = 0
         self._checks_left = _CHECKS
 
-    def locate(self, frame: ObservedFrame, rows: NDArray[np.int64]) -> Located | None:
-        """Pose of a frame among the landmarks of these rows, or None when it is not found for certain."""
+    def locate(
+        self, frame: ObservedFrame, rows: NDArray[np.int64], R_map_cam: NDArray[np.float64] | None = None
+    ) -> Located | None:
+        """Pose of a frame among the landmarks of these rows, or None when it is not found for certain.
+
+        Args:
+            R_map_cam: (3, 3), roughly which way the camera looks; None if nobody knows.
+        """
         if len(rows) < _MIN_INLIERS or len(frame) < _MIN_INLIERS:
             return None
         found = self._by_appearance(frame, rows)
         feature = np.flatnonzero(found >= 0)
         position = self.landmarks.position[rows[found[feature]]]
-        agreed = pose_by_consensus(position, frame.uv[feature], self.camera, _MIN_INLIERS)
+        agreed = None
+        if R_map_cam is not None:
+            here = self._agree_on_place(frame, feature, position, R_map_cam)
+            agreed = pose_by_consensus(position[here], frame.uv[feature[here]], self.camera, _MIN_INLIERS)
+        agreed = agreed or pose_by_consensus(position, frame.uv[feature], self.camera, _MIN_INLIERS)
         if agreed is None:
             return None
         near = self._around(rows, agreed[0])
@@ -80,7 +92,8 @@ class Relocalizer:
         self._unlocalized_frames += 1
         if self._unlocalized_frames % _RETRY_FRAMES:
             return None
-        again = self.locate(located.frame, self.stored_rows((located.T_map_cam[:3, 3], 1.0 + drift_m)))
+        rows = self.stored_rows((located.T_map_cam[:3, 3], 1.0 + drift_m))
+        again = self.locate(located.frame, rows, located.T_map_cam[:3, :3])
         if again is None or again.n_stored_inliers < self.settings.min_stored_inliers:
             return None
         self._unlocalized_frames, self._checks_left = 0, _CHECKS
@@ -90,7 +103,8 @@ class Relocalizer:
         if self._checks_left == 0:
             return None
         self._checks_left -= 1
-        again = self.locate(located.frame, self.stored_rows((located.T_map_cam[:3, 3], START_SIGMA_M)))
+        rows = self.stored_rows((located.T_map_cam[:3, 3], START_SIGMA_M))
+        again = self.locate(located.frame, rows, located.T_map_cam[:3, :3])
         if again is None or again.n_stored_inliers <= located.n_stored_inliers:
             return None
         moved_m = float(np.linalg.norm(again.T_map_cam[:3, 3] - located.T_map_cam[:3, 3]))
@@ -115,6 +129,38 @@ class Relocalizer:
         words = np.ascontiguousarray(self.landmarks.descriptor[rows]).view(np.uint64)
         position = np.ascontiguousarray(self.landmarks.position[rows])
         return np.asarray(_match_anywhere(frame.words, frame.moving, words, position, _MAX_HAMMING, _RATIO))
+
+    def _agree_on_place(
+        self,
+        frame: ObservedFrame,
+        feature: NDArray[np.int64],
+        position: NDArray[np.float64],
+        R_map_cam: NDArray[np.float64],
+    ) -> NDArray[np.int64]:
+        """Numbers of the matches of features with positions (M, 3) that are seen where they should be from one place.
+
+        Where it is known which way the camera looks, each match with a depth says by itself where it is, and that says
+        in which direction the others should be. Of ten matches over a car park one is right: samples of four, as
+        consensus has to draw without this, are hardly ever right altogether.
+        """
+        f = frame.features
+        deep = np.flatnonzero(f.has_depth[feature])
+        depth = f.depth[feature[deep]].astype(np.float64)
+        places = position[deep] - f.position_cam[feature[deep]].astype(np.float64) @ R_map_cam.T
+        doubt = _PLACE_M + depth * (_LOOKING_RAD + _DISPARITY_PX * depth / self.camera.bf)
+        larger = np.maximum(doubt[:, None], doubt[None])
+        agree = np.linalg.norm(places[:, None, :2] - places[None, :, :2], axis=2) < larger
+        density = np.where(agree, larger**-2, 0.0).sum(axis=1)
+        most = np.zeros(0, np.int64)
+        for i in np.argsort(-density, kind="stable")[:_PLACES]:
+            place = np.average(places[agree[i]], axis=0, weights=doubt[agree[i]] ** -2)
+            seen = (position - place) @ R_map_cam
+            distance = np.maximum(seen[:, 2], 1.0)
+            off = np.abs(f.uv[feature] - self.camera.project(np.column_stack([seen[:, :2], distance]))[:, :2])
+            allowed = self.camera.fx * (_LOOKING_RAD + 2.0 * _PLACE_M / distance)[:, None]
+            fits = np.flatnonzero((seen[:, 2] > 0.0) & (off < allowed).all(axis=1))
+            most = fits if len(fits) > len(most) else most
+        return most
 
     def _around(self, rows: NDArray[np.int64], T_map_cam: Pose) -> NDArray[np.int64]:
         offset = self.landmarks.position[rows, :2] - T_map_cam[:2, 3]

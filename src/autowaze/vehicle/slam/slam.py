@@ -165,7 +165,7 @@ class StereoSlam:
         is_mapped = self._has_map
         if self._has_map:
             rows = self._relocalizer.stored_rows(self._prior or prior_of_fix(fix))
-            located = self._relocalizer.locate(frame, rows)
+            located = self._relocalizer.locate(frame, rows, None if self._T_start is None else self._T_start[:3, :3])
             if located is not None:
                 return self._found(located, timestamp, index, "")
             is_mapped = self._T_start is None or len(rows) >= self.settings.min_stored_inliers
@@ -202,7 +202,7 @@ class StereoSlam:
             return None, f"only {n_stereo} stereo features in view"
         sigma = 1.0 + 0.3 * self._blind_m()
         prior = prior_of_fix(fix) or (self._last.T_map_cam[:3, 3], sigma)
-        located = self._relocalizer.locate(frame, self._relocalizer.rows_near(prior))
+        located = self._relocalizer.locate(frame, self._relocalizer.rows_near(prior), self._last.T_map_cam[:3, :3])
         if located is not None:
             return located, "found again"
         self._seeing_but_lost += 1

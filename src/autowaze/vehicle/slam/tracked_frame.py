@@ -76,6 +76,11 @@ class TrackedFrame:
         """Whether the pose may be used: localised or carried by odometry."""
         return self.state in (TrackingState.LOCALIZED, TrackingState.ODOMETRY)
 
+    @property
+    def position_sigma_m(self) -> float:
+        """One standard deviation of the horizontal position, metres."""
+        return float(np.sqrt(max(np.trace(self.covariance[:2, :2]), 0.0)))
+
 
 def judged(n_stored_inliers: int, needed: int, has_map: bool) -> tuple[TrackingState, str]:
     """State of a frame whose pose holds, and why it is not localised where there is a stored map."""

@@ -22,16 +22,15 @@ CAMERA = StereoCamera(fx=700.0, fy=700.0, cx=320.0, cy=120.0, baseline_m=0.5, wi
 HERE, ELSEWHERE = Georeference(40.0, -73.0), Georeference(41.0, -73.0)
 
 
-def look(window, second, pose=None):
+def look(window, second, pose=None, state=TrackingState.ODOMETRY, sigma_m=0.001):
     """A frame that sees 200 x 200 cells of free road about the origin."""
     ix, iy = (axis.ravel().astype(np.int32) for axis in np.meshgrid(np.arange(-100, 100), np.arange(-100, 100)))
     free = np.ones(len(ix), np.bool_)
     depth = np.full((CAMERA.height // 2, CAMERA.width // 2), np.nan, np.float32)
     ground = GroundObservation(ix, iy, free, ~free, depth, CAMERA, None)
     none = np.zeros(0, np.int64)
-    tracked = TrackedFrame(
-        0, second, TrackingState.ODOMETRY, "", np.eye(4) if pose is None else pose, 1e-6 * np.eye(6), 0, 0, none, none
-    )
+    pose, covariance = np.eye(4) if pose is None else pose, sigma_m**2 * np.eye(6)
+    tracked = TrackedFrame(0, second, state, "", pose, covariance, 0, 0, none, none)
     features, tracks = CameraFeatures.empty(), Tracks.empty(CAMERA.height, CAMERA.width)
     window.add(FrameObservation(tracked, features, tracks, Motions.empty(), ground), Landmarks())
 
@@ -58,6 +57,18 @@ def test_the_ground_is_told_of_at_the_spots_that_are_known_by_now():
     nowhere = told(window, 15.0)
     assert len(everywhere) > len(right) > 0 and len(left) > 0 == len(nowhere)
     assert np.abs(right - [3.0, 0.0]).max() < 4 and np.abs(left - [-3.0, 0.0]).max() < 4
+
+
+@pytest.mark.parametrize(("sigma_m", "is_told"), [(5.0, False), (0.3, True)])
+def test_what_was_seen_from_an_unsure_place_is_taken_back_when_the_map_is_found(sigma_m, is_told):
+    window = DiffWindow(CAMERA, 1, DiffSettings(), georeference=HERE, spots=spots_at((0.0, 0.0), (3.0, 0.0)))
+    look(window, 0.0, sigma_m=sigma_m)
+    look(window, 2.5, state=TrackingState.LOCALIZED)
+    diff = window.close(Landmarks())
+    assert diff.frames == 2 and diff.localized_frames == (2 if is_told else 1)
+    assert diff.start == 0.0
+    look(window, 5.0, state=TrackingState.LOCALIZED), look(window, 7.5, state=TrackingState.LOCALIZED, sigma_m=5.0)
+    assert window.close(Landmarks()).localized_frames == 2  # unsure by and by, nothing was elsewhere
 
 
 def test_spots_in_another_map_frame_say_nothing():

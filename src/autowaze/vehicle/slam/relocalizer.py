@@ -26,7 +26,7 @@ _ELSEWHERE_M = 1.0  # the second best match must be another place, not a second 
 _MIN_INLIERS = 12
 _WIDE = 3.0  # windows after the consensus, whose pose is good to a few pixels only
 _PLACE_M, _LOOKING_RAD, _DISPARITY_PX = 1.0, 0.07, 0.5  # by which matches that agree on a place may be off
-_PLACES = 20  # that are tried
+_MOST_VOTES, _PLACES = 1000, 20  # matches that say where the camera is, and places that are tried
 _CHECKS = 5  # frames, from the one in which the map was found on, in which it is looked for once more
 _OTHER_POSE_M = 0.2  # what is less far from a pose is left to tracking
 
@@ -145,6 +145,7 @@ class Relocalizer:
         """
         f = frame.features
         deep = np.flatnonzero(f.has_depth[feature])
+        deep = deep[:: len(deep) // _MOST_VOTES + 1]
         depth = f.depth[feature[deep]].astype(np.float64)
         places = position[deep] - f.position_cam[feature[deep]].astype(np.float64) @ R_map_cam.T
         doubt = _PLACE_M + depth * (_LOOKING_RAD + _DISPARITY_PX * depth / self.camera.bf)

@@ -140,8 +140,8 @@ class Relocalizer:
         """Numbers of the matches of features with positions (M, 3) that are seen where they should be from one place.
 
         Where it is known which way the camera looks, each match with a depth says by itself where it is, and that says
-        in which direction the others should be. Of ten matches over a car park one is right: samples of four, as
-        consensus has to draw without this, are hardly ever right altogether.
+        in which direction the others should be. Where few matches are right, as in a car park on another day, samples
+        of four, as consensus has to draw without this, are hardly ever right altogether.
         """
         f = frame.features
         deep = np.flatnonzero(f.has_depth[feature])

@@ -138,6 +138,29 @@ def test_the_pose_is_foretold_where_the_car_turns_all_at_once(street: Street) ->
             assert foretold[:3, 2] @ told[:3, 2] > np.cos(np.radians(0.5))
 
 
+def test_a_turn_that_ends_at_once_is_followed_among_fronts_that_look_alike() -> None:
+    """Where the car would look had it turned on, each point has one like it: few of those agree on a motion."""
+    street, poses, rng = Street(), straight_drive(30), np.random.default_rng(3)
+    heading = np.radians([3.0 * min(max(i - 14, 0), 5) for i in range(30)])
+    poses = [make_pose(heading_to_rotation(h), T[:3, 3]) for h, T in zip(heading, poses, strict=True)]
+    ends = poses[20]
+    away = (street.position - ends[:3, 3]) @ ends[:3, :3]
+    turned, tilted = np.radians(rng.uniform(2.7, 3.3, len(away))), np.radians(rng.uniform(-0.3, 0.3, len(away)))
+    x = away[:, 0] * np.cos(turned) - away[:, 2] * np.sin(turned)
+    z = away[:, 0] * np.sin(turned) + away[:, 2] * np.cos(turned)
+    alike = np.column_stack([x, away[:, 1] + np.hypot(x, z) * tilted, z]) @ ends[:3, :3].T + ends[:3, 3]
+    street.position = np.vstack([street.position, alike])
+    street.descriptor, street.label = np.tile(street.descriptor, (2, 1)), np.tile(street.label, 2)
+    street.offset = np.zeros_like(street.position)
+    slam = StereoSlam(CAMERA)
+    drive(slam, street, poses[:20])
+    foretold = slam.foretell(street.see(ends, 1020))
+    assert foretold is not None
+    assert foretold[:3, 2] @ ends[:3, 2] > np.cos(np.radians(0.5))
+    frames = [slam.track(street.see(T, 1020 + i), 2.0 + 0.1 * i, i) for i, T in enumerate(poses[20:])]
+    assert _errors_m(frames, poses[20:]).max() < 0.1
+
+
 def test_foretelling_changes_nothing(street: Street) -> None:
     def run(*, foretells: bool) -> bytes:
         slam, poses = StereoSlam(CAMERA), b""

@@ -39,7 +39,8 @@ class DiffSettings(BaseModel):
         spread_m: static features are spread over cells of this edge before the best-seen are kept; one this near to a
             stored one is no news.
         enough_stored: a frame that finds so many standing features of the map needs no more of them there: what only
-            such frames saw is no news. Three times what a pose needs to be sure of itself.
+            such frames saw is no news. Twice what a pose needs to be sure of itself; a map that shows a car 100 is
+            found by it wherever it is switched on, one that shows 60 to 90 is not (docs/evaluation.md, size of a map).
         trajectory_interval_s: time between points of the trajectory, at the least.
         trajectory_tolerance_m: points that even motion between others foretells so well are left out.
     """
@@ -66,6 +67,6 @@ class DiffSettings(BaseModel):
     known_radius_m: float = Field(default=0.35, gt=0)
     same_radius_m: float = Field(default=0.1, gt=0)
     spread_m: float = Field(default=0.5, gt=0)
-    enough_stored: int = Field(default=150, ge=0)
+    enough_stored: int = Field(default=100, ge=0)
     trajectory_interval_s: float = Field(default=1.0, gt=0)
     trajectory_tolerance_m: float = Field(default=0.25, ge=0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from autowaze.evaluation.demonstration import crew
-from autowaze.evaluation.experiments.findings import Findings, find, sent_metrics
+from autowaze.evaluation.experiments.findings import Findings, find, sent_metrics, unchanged_bytes_per_km
 from autowaze.evaluation.experiments.laboratory import Laboratory, run_series
 from autowaze.evaluation.experiments.passage import SUMMARY, Passage
 from autowaze.evaluation.experiments.plan import Experiment, PlannedDrive, Series, full_experiments, quick_experiments
@@ -37,7 +37,13 @@ def small_experiment() -> Experiment:
             clutter=0.0,
         )
         drives.append(PlannedDrive(f"small-{number}", number, description))
-    return Experiment("town", "A small street", (Series("small", tuple(drives)),))
+    survey = drives[0].description
+    again = survey.model_copy(
+        update={"drive": 99, "parking": survey.parking.model_copy(update={"drive": survey.drive})}
+    )
+    return Experiment(
+        "town", "A small street", (Series("small", tuple(drives), PlannedDrive("small-unchanged", 9, again)),)
+    )
 
 
 class Listener:
@@ -102,10 +108,21 @@ def test_the_whole_map_costs_far_more_than_the_diffs(found: Findings) -> None:
     assert not any(diff.new.label.any() for diff in whole)
 
 
+def test_a_street_in_which_nothing_has_changed_costs_little(found: Findings) -> None:
+    of_street = unchanged_bytes_per_km(found.series)
+    assert list(of_street) == ["small"]
+    assert 0 < of_street["small"] < sent_metrics(found.series)["bytes_per_km"]
+    passage = found.series[0].unchanged
+    assert passage is not None
+    assert sum(len(diff.new) for diff in passage.diffs) == 0
+    assert found.drives == 1  # it is not judged
+    assert found.metrics()["town, nothing changed"] == {"small_bytes_per_km": of_street["small"]}
+
+
 def test_a_second_run_drives_nothing(driven: tuple[Laboratory, Experiment, list[str]]) -> None:
     laboratory, experiment, told = driven
     assert {"small-0, rendering", "small-1, driving"} <= set(told)
-    assert driven_here(laboratory, experiment) == ["small-0", "small-1"]
+    assert driven_here(laboratory, experiment) == ["small-0", "small-unchanged", "small-1"]
     assert not (laboratory.place(experiment.judged[0]) / "left").exists()  # the disk is not filled with images
 
 
@@ -127,10 +144,12 @@ def test_a_spoilt_run_is_named(driven: tuple[Laboratory, Experiment, list[str]],
 def test_the_report_stands_for_itself(found: Findings, tmp_path: Path) -> None:
     whole = Report({"seed": 0}, "autowaze evaluate all -o here")
     whole.add_experiment(found)
+    whole.add_comparisons({"town": found})
     whole.write(tmp_path)
     page, text = (tmp_path / "report.html").read_text(), (tmp_path / "report.md").read_text()
     assert "http" not in page.replace("http-equiv", "")  # nothing is fetched
     assert page.count("data:image/png;base64,") == len(list((tmp_path / "images").glob("*.png")))
+    assert "| small | " in text.split("nothing has changed")[1]
     assert "| 0.89" not in text.split("## ")[1].splitlines()[0]
     assert "0.87 / 0.91 / 0.89" in text
     results = json.loads((tmp_path / "results.json").read_text())["results"]
@@ -144,7 +163,13 @@ def test_plans_share_their_first_drives() -> None:
         by_street = {series.street: series for series in all_.series}
         for series in few.series:
             assert series.drives == by_street[series.street].drives[: len(series.drives)]
-    names = [drive.name for one in full for series in one.series for drive in series.drives]
+    assert not any(series.unchanged for one in quick for series in one.series)
+    for series in (series for one in full for series in one.series):
+        assert series.unchanged is not None
+        survey, again = series.drives[0].description, series.unchanged.description
+        assert again.parking == survey.parking.model_copy(update={"drive": survey.drive})
+        assert again.ego.start_time > survey.ego.start_time
+    names = [drive.name for one in full for series in one.series for drive in series.to_drive]
     assert len(set(names)) == len(names)
     other = quick_experiments(seed=1)[0].series[0].drives[1]
     assert other.description != quick[0].series[0].drives[1].description

@@ -57,7 +57,7 @@ def driven(laboratory: Laboratory, quick: bool, seed: int, jobs: int | None, as_
     """Drive what is missing, unless the cache is to be taken as it is, and judge every drive."""
     every = planned(quick, seed)
     if not as_is:
-        with bars(sum(len(series.drives) for one in every for series in one.series)) as tell:
+        with bars(sum(len(series.to_drive) for one in every for series in one.series)) as tell:
             run_experiments(laboratory, every, jobs or os.cpu_count() or 1, tell)
     found = []
     for one in every:

@@ -7,7 +7,12 @@ from collections.abc import Mapping
 from autowaze.evaluation.experiments import printed
 from autowaze.evaluation.experiments.confusion_pictures import draw_confusions, worst_confusions
 from autowaze.evaluation.experiments.figures import draw_calibration, draw_offsets, draw_scores
-from autowaze.evaluation.experiments.findings import Findings, driving_metrics, sent_metrics
+from autowaze.evaluation.experiments.findings import (
+    Findings,
+    driving_metrics,
+    sent_metrics,
+    unchanged_bytes_per_km,
+)
 from autowaze.evaluation.experiments.scores import Scores, calibrate
 from autowaze.evaluation.experiments.variants import ABLATIONS, METHODS, OFFSETS, OFFSETS_M
 from autowaze.evaluation.network import CONTENTS
@@ -118,9 +123,23 @@ def network_section(found: Mapping[str, Findings]) -> Section:
         rows.append((label, *(f"{metrics[key]:,.0f}" for metrics in sent.values()), thesis))
     words = (
         "Bytes up per window of 5 s at the service's map, other cars parked in every drive. `autowaze evaluate "
-        "network` measures the way down and streets in which nothing has changed."
+        "network` measures the way down."
     )
-    return Section("Network", [Text(words), Table(("bytes", *sent, "thesis, sec. 4.5"), tuple(rows))])
+    blocks: list[Block] = [Text(words), Table(("bytes", *sent, "thesis, sec. 4.5"), tuple(rows))]
+    unchanged = [row for one in found.values() for row in _unchanged_rows(one)]
+    if unchanged:
+        blocks.append(Text("Another drive past the very cars of the survey, with its map: nothing has changed."))
+        blocks.append(Table(("street", "windows, bytes", "KB per km"), tuple(unchanged)))
+    return Section("Network", blocks)
+
+
+def _unchanged_rows(found: Findings) -> list[tuple[str, str, str]]:
+    per_km = unchanged_bytes_per_km(found.series)
+    return [
+        (one.street, ", ".join(f"{len(m):,}" for m in one.unchanged.messages), f"{per_km[one.street] / 1000:.1f}")
+        for one in found.series
+        if one.unchanged is not None
+    ]
 
 
 def _method_table(scores: Mapping[str, Scores], thesis: Mapping[str, tuple[float, float, float]]) -> Table:

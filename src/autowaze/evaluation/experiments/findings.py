@@ -54,7 +54,9 @@ class Findings:
         """Flat names for reports, by variant, and what was sent."""
         out = {f"{self.name}, {name}": score(self.verdicts(name)).metrics() for name in self.judged}
         driven, sent = driving_metrics(self.series), sent_metrics(self.series)
-        return out | {f"{self.name}, driven": driven, f"{self.name}, sent": sent}
+        out |= {f"{self.name}, driven": driven, f"{self.name}, sent": sent}
+        unchanged = {f"{street}_bytes_per_km": size for street, size in unchanged_bytes_per_km(self.series).items()}
+        return out | ({f"{self.name}, nothing changed": unchanged} if unchanged else {})
 
 
 def find(name: str, title: str, planned: int, series: Sequence[DrivenSeries], is_quick: bool, steps: Steps) -> Findings:
@@ -88,6 +90,12 @@ def sent_metrics(series: Sequence[DrivenSeries]) -> dict[str, float]:
         "full_map_bytes_per_km": 1000.0 * float(whole.sum()) / distance_m,
         **{f"{name}_bytes_per_diff": float(size) for name, size in zip(CONTENTS, contents, strict=True)},
     }
+
+
+def unchanged_bytes_per_km(series: Sequence[DrivenSeries]) -> dict[str, float]:
+    """Bytes that a drive sent per kilometre, by street in which nothing had changed since its survey."""
+    passages = {one.street: one.unchanged for one in series if one.unchanged is not None}
+    return {s: 1000.0 * sum(map(len, p.messages)) / p.metrics["distance_m"] for s, p in passages.items()}
 
 
 def driving_metrics(series: Sequence[DrivenSeries]) -> dict[str, float]:

@@ -71,7 +71,9 @@ class JudgedSeries:
 
 @dataclass(frozen=True)
 class DrivenSeries:
-    """A series as it was driven: what the cars sent and what was true, drive by drive; the survey is apart."""
+    """A series as it was driven: what the cars sent and what was true, drive by drive; the survey is apart, and the drive
+    during which nothing had changed.
+    """
 
     street: str
     spots: ParkingMap
@@ -79,6 +81,7 @@ class DrivenSeries:
     names: tuple[str, ...]
     passages: tuple[Passage, ...]
     truths: tuple[DriveTruth, ...]
+    unchanged: Passage | None = None
 
     @property
     def base_map(self) -> FeatureMap | None:

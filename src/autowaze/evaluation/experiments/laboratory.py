@@ -99,7 +99,12 @@ class Laboratory:
             tuple(drive.name for drive in judged),
             tuple(passages),
             tuple(read_drive_truth(self.place(drive)) for drive in judged),
+            self._unchanged(series),
         )
+
+    def _unchanged(self, series: Series) -> Passage | None:
+        drive = series.unchanged
+        return None if drive is None else Passage.load(self.run_folder(drive), self.made_with(drive))
 
 
 def run_experiments(laboratory: Laboratory, experiments: Sequence[Experiment], jobs: int, tell: Tell) -> None:
@@ -117,7 +122,7 @@ def run_experiments(laboratory: Laboratory, experiments: Sequence[Experiment], j
 
 def _work(series: Series) -> float:
     """Pixels that have to be rendered, about."""
-    of_drive = (d.description for d in series.drives)
+    of_drive = (d.description for d in series.to_drive)
     return sum(d.rig.camera.width * d.rig.camera.height * d.length_m * d.ego.fps / d.ego.speed_kmh for d in of_drive)
 
 
@@ -126,7 +131,7 @@ def run_series(laboratory: Laboratory, series: Series) -> None:
     base_map: FeatureMap | None = None
     cloud: CloudService | None = None
     spots = None
-    for drive in series.drives:
+    for drive in series.to_drive:
         passage = Passage.load(laboratory.run_folder(drive), laboratory.made_with(drive))
         if passage is None:
             stored = cloud.feature_map if cloud is not None else None
@@ -136,9 +141,9 @@ def run_series(laboratory: Laboratory, series: Series) -> None:
         if cloud is None:
             base_map = integrated(passage.messages, spots.georeference)
             cloud = CloudService(spots, FUSED, base_map)
-            continue
-        for message in passage.messages:
-            cloud.receive(message)
+        elif drive is not series.unchanged:
+            for message in passage.messages:
+                cloud.receive(message)
 
 
 def _drive(laboratory: Laboratory, drive: PlannedDrive, stored: FeatureMap | None) -> Passage:

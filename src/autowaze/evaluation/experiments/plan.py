@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,8 @@ _FIRST_DRIVE, _DRIVES_PER_SEED = 5000, 1000
 _EGO: dict[str, Any] = {"fps": 6.0, "speed_kmh": 24.0}
 """A frame every metre is enough to localise by; rendering costs most of an experiment's time."""
 _SURVEY_TIME = 1_718_106_000.0
+_NOTHING_CHANGED = 900
+"""Number, within a seed, of the drive past the very cars of the survey."""
 _BETWEEN_DRIVES_S = 7200.0
 """Two mean dwell times: what was parked in one drive says little of the next."""
 
@@ -66,10 +68,19 @@ class Series:
     Attributes:
         street: its name.
         drives: the survey, then those that are judged.
+        unchanged: another drive past the very cars of the survey, with its map alone, to see what a street costs in
+            which nothing has changed; it is not judged and leaves nothing behind.
     """
 
     street: str
     drives: tuple[PlannedDrive, ...]
+    unchanged: PlannedDrive | None = None
+
+    @property
+    def to_drive(self) -> tuple[PlannedDrive, ...]:
+        """All of them in the order in which they are driven."""
+        again = () if self.unchanged is None else (self.unchanged,)
+        return (*self.drives[:1], *again, *self.drives[1:])
 
     @property
     def judged(self) -> tuple[PlannedDrive, ...]:
@@ -116,8 +127,9 @@ def quick_experiments(seed: int = 0) -> tuple[Experiment, ...]:
 
 
 def full_experiments(seed: int = 0) -> tuple[Experiment, ...]:
-    """All drives."""
-    return town_streets(seed), real_world_like_streets(seed)
+    """All drives, and one through each street while nothing has changed."""
+    every = town_streets(seed), real_world_like_streets(seed)
+    return tuple(replace(one, series=tuple(map(_with_nothing_changed, one.series))) for one in every)
 
 
 def _series(
@@ -141,3 +153,16 @@ def _series(
             )
         )
     return Series(street, tuple(drives))
+
+
+def _with_nothing_changed(series: Series) -> Series:
+    """The series and the drive past the cars of its survey: a later hour and other noise; other light, if it varies."""
+    survey = series.drives[0].description
+    again = {
+        "drive": survey.drive + _NOTHING_CHANGED,
+        "ego": survey.ego.model_copy(update={"start_time": survey.ego.start_time + _BETWEEN_DRIVES_S}),
+        "parking": survey.parking.model_copy(update={"drive": survey.drive}),
+        "light": series.drives[1].description.light,
+    }
+    name = series.drives[0].name.removesuffix("00") + "unchanged"
+    return replace(series, unchanged=PlannedDrive(name, _NOTHING_CHANGED, survey.model_copy(update=again)))

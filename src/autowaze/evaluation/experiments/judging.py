@@ -71,8 +71,9 @@ class JudgedSeries:
 
 @dataclass(frozen=True)
 class DrivenSeries:
-    """A series as it was driven: what the cars sent and what was true, drive by drive; the survey is apart, and the drive
-    during which nothing had changed.
+    """A series as it was driven: what the cars sent and what was true, drive by drive.
+
+    The survey is apart, and so is the drive during which nothing had changed.
     """
 
     street: str

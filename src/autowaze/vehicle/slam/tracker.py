@@ -27,7 +27,7 @@ _MAP_RADIUS_PX, _MAP_RADIUS_OBLIQUE_PX = 4.0, 6.0
 _MIN_MOTION_INLIERS = 20
 _MOTION_AGREES = 1 / 3
 """Share of the matches that agree on a motion which is found: 0.42 or more, mostly 0.6, where a drive goes on evenly;
-0.03 to 0.3 where it began or ended a turn between two frames, and what had moved out of the windows matched by chance."""
+0.03 to 0.3 where it began or ended a turn between two frames: what had left the windows, others matched by chance."""
 
 
 @dataclass(frozen=True)

@@ -66,6 +66,15 @@ def test_corners_of_a_house_that_never_match_are_not_gone() -> None:
     assert not removed_of_last_part([*HOUSES, (6, 0, 0, {Sight.SURFACE: 10})]).any()
 
 
+def test_a_bin_that_was_taken_away_is_gone_and_a_single_poor_corner_is_not() -> None:
+    seen_through = {Sight.THROUGH: 8}
+    assert removed_of_last_part([*HOUSES, (4, 0, 0, seen_through)]).all()
+    assert not removed_of_last_part([*HOUSES, (1, 0, 0, seen_through)]).any()
+    seen = street([*HOUSES, (5, 0, 9, {Sight.THROUGH: 1}), (2, 0, 0, seen_through)])
+    seen.position[-2:] = seen.position[-7:-5]  # on a wall most of which is found
+    assert not removed_features(seen, SETTINGS).any()
+
+
 def test_when_hardly_anything_matches_the_light_is_to_blame() -> None:
     dark = [(5, 0, 0, {Sight.SURFACE: 9})] * 20 + [(5, 0, 3, {Sight.SURFACE: 9})] * 3
     assert not removed_features(street([*dark, (30, 77, 0, {Sight.THROUGH: 8})]), SETTINGS).any()

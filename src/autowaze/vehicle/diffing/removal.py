@@ -55,10 +55,10 @@ def removed_features(seen: LookedFor, settings: DiffSettings) -> NDArray[np.bool
 
     A single miss says little: corners flicker, and some are never found again. A feature is gone when it was looked
     for often enough, (nearly) never matched, and either stereo sees through where it stood in most of those frames,
-    which of the background several must show together, or its neighbourhood - those of the same instance around it - is missing as a whole while the rest of the map
-    matches. In the place of a missing vehicle a surface is another vehicle; in the background it is the old surface
-    in other light. An instance most of which is gone has gone as a whole, and so has the part of it around a feature:
-    the other part may be the next car.
+    which of the background several show together, or its neighbourhood - those of the same instance around it - is
+    missing as a whole while the rest of the map matches. In the place of a missing vehicle a surface is another
+    vehicle; in the background it is the old surface in other light. An instance most of which is gone has gone as a
+    whole, and so has the part of it around a feature: the other part may be the next car.
     """
     looked_for = seen.matched + seen.missed
     judged = looked_for >= settings.min_visible_frames
@@ -88,7 +88,7 @@ def _absent_neighbourhoods(seen: LookedFor, judged: NDArray[np.bool_], settings:
 def _shared(
     gone: NDArray[np.bool_], judged: NDArray[np.bool_], seen: LookedFor, settings: DiffSettings
 ) -> NDArray[np.bool_]:
-    """Mask (N,) of the features that seem gone along with others: half of the judged ones of their neighbourhood or more.
+    """Mask (N,) of the features that seem gone along with others: half of those judged around them, or more.
 
     A single one of the background that nobody finds again was a poor corner, or put down at a wrong depth. It harms
     nobody; to tell of it costs two bytes, which in a street where nothing changes is a fifth of all.

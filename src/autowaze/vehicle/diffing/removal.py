@@ -90,8 +90,8 @@ def _shared(
 ) -> NDArray[np.bool_]:
     """Mask (N,) of the features that seem gone along with others: half of those judged around them, or more.
 
-    A single one of the background that nobody finds again was a poor corner, or put down at a wrong depth. It harms
-    nobody; to tell of it costs two bytes, which in a street where nothing changes is a fifth of all.
+    A single one of the background that nobody finds again was a poor corner, or put down at a wrong depth: it harms
+    nobody, and to tell of it takes bytes where nothing has changed.
     """
     group = _neighbourhoods(seen, settings)
     n_gone = np.bincount(group, weights=gone)

@@ -22,6 +22,10 @@ from autowaze.world.pose import transform
 _MATCHED = len(Sight)
 _SUPPORT_RANGE_M = 25.0
 _STEREO_SIGMA_PX = 0.2  # of sub-pixel sparse stereo
+_CORNERS_APART_PX = 20.0
+"""How far apart corners of a vehicle are found in the image. Of stored features of standing vehicles, a corner was
+found again within the radius in 80 % of the frames where it takes 25 to 30 pixels in the image, in 60 % at 20 to 25,
+in 40 % at 15 to 20, and in 10 % at 8 to 12, with either rig (town and real-world-like streets)."""
 _AROUND = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))  # cells: the feet of a vehicle may lie in the next one
 
 
@@ -31,12 +35,12 @@ class StoredFeatureWatch:
     Args:
         stored: the map's features, sorted by id.
         known_radius_m: a feature of a vehicle this near to a stored one without descriptor stands for it.
-        camera: that gives the features their depth.
+        camera: that finds the features and gives them their depth.
     """
 
     def __init__(self, stored: MapFeatures, known_radius_m: float, camera: StereoCamera) -> None:
         self._stored = stored
-        self._bf = camera.bf
+        self._camera = camera
         self._plain = np.flatnonzero(~stored.described)
         self._plain_position = stored.position[self._plain]
         self._radius_m = known_radius_m
@@ -91,13 +95,14 @@ class StoredFeatureWatch:
         self._seen[near[told], np.where(held, _MATCHED, sight)[told]] += 1
 
     def _can_be_found(self, places: NDArray[np.float64], tracked: TrackedFrame) -> NDArray[np.bool_]:
-        """Which places (N, 3) are so near that a feature there would be seen, and put into the radius by stereo.
+        """Which places (N, 3) are so near that a corner would be found in the radius, and put into it by stereo.
 
         Farther away it says nothing that there is none; only that one sees through does.
         """
         depth = (places - tracked.T_map_cam[:3, 3]) @ tracked.T_map_cam[:3, 2]
-        farthest_m = float(np.sqrt(self._radius_m * self._bf / _STEREO_SIGMA_PX))
-        return np.asarray(depth <= farthest_m)
+        by_stereo_m = float(np.sqrt(self._radius_m * self._camera.bf / _STEREO_SIGMA_PX))
+        by_corners_m = self._radius_m * self._camera.fx / _CORNERS_APART_PX
+        return np.asarray(depth <= min(by_stereo_m, by_corners_m))
 
 
 def _on_free_ground(places: NDArray[np.float64], ground: GroundObservation) -> NDArray[np.bool_]:

@@ -73,6 +73,8 @@ def test_a_bin_that_was_taken_away_is_gone_and_a_single_poor_corner_is_not() -> 
     seen = street([*HOUSES, (5, 0, 9, {Sight.THROUGH: 1}), (2, 0, 0, seen_through)])
     seen.position[-2:] = seen.position[-7:-5]  # on a wall most of which is found
     assert not removed_features(seen, SETTINGS).any()
+    seen = street([*HOUSES, (20, 77, 7, {Sight.SURFACE: 2}), (1, 77, 0, seen_through)])  # beside the rest of a car
+    assert not removed_features(seen, SETTINGS).any()
 
 
 def test_when_hardly_anything_matches_the_light_is_to_blame() -> None:

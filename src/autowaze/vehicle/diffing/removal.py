@@ -55,10 +55,10 @@ def removed_features(seen: LookedFor, settings: DiffSettings) -> NDArray[np.bool
 
     A single miss says little: corners flicker, and some are never found again. A feature is gone when it was looked
     for often enough, (nearly) never matched, and either stereo sees through where it stood in most of those frames,
-    which of the background several show together, or its neighbourhood - those of the same instance around it - is
-    missing as a whole while the rest of the map matches. In the place of a missing vehicle a surface is another
-    vehicle; in the background it is the old surface in other light. An instance most of which is gone has gone as a
-    whole, and so has the part of it around a feature: the other part may be the next car.
+    which several show together, or its neighbourhood - those of the same instance around it - is missing as a whole
+    while the rest of the map matches. In the place of a missing vehicle a surface is another vehicle; in the
+    background it is the old surface in other light. An instance most of which is gone has gone as a whole, and so has
+    the part of it around a feature: the other part may be the next car.
     """
     looked_for = seen.matched + seen.missed
     judged = looked_for >= settings.min_visible_frames
@@ -67,7 +67,7 @@ def removed_features(seen: LookedFor, settings: DiffSettings) -> NDArray[np.bool
         return np.zeros(len(judged), np.bool_)
     of_instance = seen.instance_key != 0
     seen_through = 2 * seen.sights[:, Sight.THROUGH] > seen.missed
-    seen_through &= of_instance | _shared(judged & ~found & seen_through, judged, seen, settings)
+    seen_through &= _shared(judged & ~found & seen_through, judged, seen, settings)
     surface = 2 * seen.sights[:, Sight.SURFACE] > seen.missed
     absent = _absent_neighbourhoods(seen, judged, settings) & (of_instance | ~surface)
     gone = judged & ~found & (seen_through | absent)
@@ -90,8 +90,8 @@ def _shared(
 ) -> NDArray[np.bool_]:
     """Mask (N,) of the features that seem gone along with others: half of those judged around them, or more.
 
-    A single one of the background that nobody finds again was a poor corner, or put down at a wrong depth: it harms
-    nobody, and to tell of it takes bytes where nothing has changed.
+    A single one that nobody finds again was a poor corner, or put down at a wrong depth: it harms nobody, and to tell
+    of it takes bytes where nothing has changed.
     """
     group = _neighbourhoods(seen, settings)
     n_gone = np.bincount(group, weights=gone)

@@ -16,12 +16,12 @@ def street(parts: list[tuple[int, int, int, dict[Sight, int]]]) -> LookedFor:
     position = np.zeros((len(group), 3))
     position[:, 0] = 5.0 * group
     position[:, 1] = 0.05 * np.arange(len(group)) % 0.9
-    sights = np.array([[missed.get(s, 0) for s in Sight] for *_, missed in parts])
+    sights = np.array([[missed.get(s, 0.0) for s in Sight] for *_, missed in parts])
     return LookedFor(
         map_id=np.arange(1, len(group) + 1, dtype=np.uint64),
         position=position,
         instance_key=np.array([key for _, key, *_ in parts], dtype=np.uint64)[group],
-        matched=np.array([matched for _, _, matched, _ in parts])[group],
+        matched=np.array([float(matched) for _, _, matched, _ in parts])[group],
         sights=sights[group],
     )
 

@@ -23,15 +23,16 @@ class LookedFor:
         map_id: (N,) uint64, id in the stored map.
         position: (N, 3) float64, metres, map frame.
         instance_key: (N,) uint64, the instance that it belongs to; 0 for background.
-        matched: (N,) int64, frames that matched it.
-        sights: (N, 4) int64, frames by `Sight` in which it was predicted visible and not matched.
+        matched: (N,) float64, frames that matched it.
+        sights: (N, 4) float64, frames by `Sight` in which it was predicted visible and not matched. Here and above a
+            frame in which it could hardly have been found counts less than one.
     """
 
     map_id: NDArray[np.uint64]
     position: NDArray[np.float64]
     instance_key: NDArray[np.uint64]
-    matched: NDArray[np.int64]
-    sights: NDArray[np.int64]
+    matched: NDArray[np.float64]
+    sights: NDArray[np.float64]
 
     @classmethod
     def empty(cls) -> LookedFor:
@@ -40,12 +41,12 @@ class LookedFor:
             np.zeros(0, np.uint64),
             np.zeros((0, 3)),
             np.zeros(0, np.uint64),
-            np.zeros(0, np.int64),
-            np.zeros((0, len(Sight)), np.int64),
+            np.zeros(0),
+            np.zeros((0, len(Sight))),
         )
 
     @property
-    def missed(self) -> NDArray[np.int64]:
+    def missed(self) -> NDArray[np.float64]:
         """Frames (N,) that should have seen it and did not; those where something hides it do not count."""
         return np.asarray(self.sights.sum(axis=1) - self.sights[:, Sight.HIDDEN])
 

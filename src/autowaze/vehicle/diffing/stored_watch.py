@@ -22,6 +22,7 @@ from autowaze.world.pose import transform
 _MATCHED = len(Sight)
 _SUPPORT_RANGE_M = 25.0
 _STEREO_SIGMA_PX = 0.2  # of sub-pixel sparse stereo
+_LEAST_DEPTH_M = 0.1
 _CORNERS_APART_PX = 20.0
 """How far apart corners of a vehicle are found in the image. In unchanged streets a corner was found again within the
 radius in 0.88 of the frames (KITTI rig) and 0.85 (ZED 2i) where it takes 25 to 30 pixels in the image, 0.83 and 0.68 at
@@ -44,7 +45,7 @@ class StoredFeatureWatch:
         self._plain = np.flatnonzero(~stored.described)
         self._plain_position = stored.position[self._plain]
         self._radius_m = known_radius_m
-        self._seen = np.zeros((len(stored), _MATCHED + 1), np.int64)  # frames by `Sight`, and those that matched
+        self._seen = np.zeros((len(stored), _MATCHED + 1))  # frames by `Sight`, and those that matched, weighted
 
     def add(
         self, tracked: TrackedFrame, features: CameraFeatures, ground: GroundObservation, landmarks: Landmarks
@@ -87,22 +88,24 @@ class StoredFeatureWatch:
         sight[_on_free_ground(places, ground)] = Sight.THROUGH
         in_sight = sight != Sight.HIDDEN
         near, places, sight = near[in_sight], places[in_sight], sight[in_sight]
+        weight = self._how_surely_found(places, tracked)
         rows = np.flatnonzero(features.has_depth)
         seen, on_vehicle = transform(tracked.T_map_cam, features.position_cam[rows]), is_vehicle(features.label[rows])
         held = any_within(seen[on_vehicle], places, self._radius_m)
         held |= any_within(seen[~on_vehicle], places, self._radius_m / 2)
-        told = held | (sight == Sight.THROUGH) | self._can_be_found(places, tracked)
-        self._seen[near[told], np.where(held, _MATCHED, sight)[told]] += 1
+        weight[~held & (sight == Sight.THROUGH)] = 1.0
+        self._seen[near, np.where(held, _MATCHED, sight)] += weight
 
-    def _can_be_found(self, places: NDArray[np.float64], tracked: TrackedFrame) -> NDArray[np.bool_]:
-        """Which places (N, 3) are so near that a corner would be found in the radius, and put into it by stereo.
+    def _how_surely_found(self, places: NDArray[np.float64], tracked: TrackedFrame) -> NDArray[np.float64]:
+        """How much (N,) it says of places (N, 3) whether a corner was found within the radius, 0 to 1.
 
-        Farther away it says nothing that there is none; only that one sees through does.
+        A frame counts less where the radius holds less of the image than one corner has to itself, and not at all
+        where stereo does not put a corner into the radius. That one sees through tells from farther away, too.
         """
-        depth = (places - tracked.T_map_cam[:3, 3]) @ tracked.T_map_cam[:3, 2]
-        by_stereo_m = float(np.sqrt(self._radius_m * self._camera.bf / _STEREO_SIGMA_PX))
-        by_corners_m = self._radius_m * self._camera.fx / _CORNERS_APART_PX
-        return np.asarray(depth <= min(by_stereo_m, by_corners_m))
+        depth = np.maximum((places - tracked.T_map_cam[:3, 3]) @ tracked.T_map_cam[:3, 2], _LEAST_DEPTH_M)
+        radius_px = self._camera.fx * self._radius_m / depth
+        by_stereo = depth <= np.sqrt(self._radius_m * self._camera.bf / _STEREO_SIGMA_PX)
+        return np.asarray(by_stereo * np.minimum(radius_px / _CORNERS_APART_PX, 1.0) ** 2)
 
 
 def _on_free_ground(places: NDArray[np.float64], ground: GroundObservation) -> NDArray[np.bool_]:

@@ -17,7 +17,7 @@ class DiffSettings(BaseModel):
         min_match_ratio: share of the features predicted visible that must match for a miss to mean anything; below
             it the light or the pose is to blame.
         gone_match_ratio: a feature, or a neighbourhood of features, that matches in at most this share of the frames
-            is not there. Chance gives less than 0.05, a standing car 0.5 or more.
+            is not there. Chance gives less than 0.05, a standing car 0.3 or more.
         min_group: features of a neighbourhood that must be looked for before its absence counts; a vehicle that has
             fewer is not told of.
         neighbourhood_m: edge of the cells that features are grouped by.

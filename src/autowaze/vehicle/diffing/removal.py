@@ -66,12 +66,11 @@ def removed_features(seen: LookedFor, settings: DiffSettings) -> NDArray[np.bool
     found = seen.matched > settings.gone_match_ratio * looked_for
     if not judged.any() or np.mean(found[judged]) < settings.min_match_ratio:
         return np.zeros(len(judged), np.bool_)
-    of_instance = seen.instance_key != 0
-    seen_through = 2 * seen.sights[:, Sight.THROUGH] > seen.missed
-    seen_through &= _shared(judged & ~found & seen_through, judged, seen, settings)
+    missing = judged & ~found
+    through = missing & (2 * seen.sights[:, Sight.THROUGH] > seen.missed)
     surface = 2 * seen.sights[:, Sight.SURFACE] > seen.missed
-    absent = _absent_neighbourhoods(seen, judged, settings) & (of_instance | ~surface)
-    gone = judged & ~found & (seen_through | absent)
+    absent = missing & _absent_neighbourhoods(seen, judged, settings) & ((seen.instance_key != 0) | ~surface)
+    gone = absent | (through & _shared(through, judged, seen, settings))
     mostly = _mostly(gone, judged, seen.instance_key) | _mostly_around(gone, judged, seen, settings)
     return np.asarray(gone | (~found & mostly), dtype=np.bool_)
 

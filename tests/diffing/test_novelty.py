@@ -1,6 +1,7 @@
 """What is news to the map."""
 
 import numpy as np
+import pytest
 
 from autowaze.vehicle.diffing.novelty import Candidates, new_features, replaced_features
 from autowaze.vehicle.diffing.settings import DiffSettings
@@ -72,6 +73,12 @@ def test_vehicles_have_a_place_in_the_fullest_diff() -> None:
 
 def test_cars_are_passed_in_few_frames() -> None:
     assert len(new_features(candidates(9, ClassLabel.CAR, 3, found=2), NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)) == 9
+
+
+@pytest.mark.parametrize("label", [ClassLabel.CAR, ClassLabel.TWO_WHEELER])
+def test_what_few_features_show_is_no_news(label: ClassLabel) -> None:
+    assert len(new_features(candidates(3, label, 3), NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)) == 0
+    assert len(new_features(candidates(4, label, 3), NOBODY, NOTHING, NOTHING, SETTINGS, 50_000)) == 4
 
 
 def test_moving_cars_and_people_are_no_map() -> None:

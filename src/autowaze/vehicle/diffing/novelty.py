@@ -154,11 +154,11 @@ def _known_instances(
 def _hardly_seen_instances(
     candidates: Candidates, eligible: NDArray[np.bool_], settings: DiffSettings
 ) -> NDArray[np.bool_]:
-    """Mask (N,) of the vehicle features of instances that have too few to say where a vehicle stands."""
-    vehicle = np.flatnonzero(eligible & is_vehicle(candidates.label) & (candidates.instance != 0))
+    """Mask (N,) of the movable features of instances that have too few to say where a vehicle or bicycle stands."""
+    movable = np.flatnonzero(eligible & is_movable(candidates.label) & (candidates.instance != 0))
     few = np.zeros(len(eligible), np.bool_)
-    _, group, count = np.unique(candidates.instance[vehicle], return_inverse=True, return_counts=True)
-    few[vehicle] = (count < settings.min_group)[group]
+    _, group, count = np.unique(candidates.instance[movable], return_inverse=True, return_counts=True)
+    few[movable] = (count < settings.min_group)[group]
     return few
 
 

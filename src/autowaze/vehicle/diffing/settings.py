@@ -18,8 +18,8 @@ class DiffSettings(BaseModel):
             it the light or the pose is to blame.
         gone_match_ratio: a feature, or a neighbourhood of features, that matches in at most this share of the frames
             is not there. Chance gives less than 0.05, a standing car 0.3 or more.
-        min_group: features of a neighbourhood that must be looked for before its absence counts; a vehicle that has
-            fewer is not told of.
+        min_group: features of a neighbourhood that must be looked for before its absence counts; a vehicle or bicycle
+            that has fewer is not told of.
         neighbourhood_m: edge of the cells that features are grouped by.
         min_found_static, min_found_vehicle: frames that must have matched a new feature. Cars are passed in 6 to 12
             frames, so theirs are few.

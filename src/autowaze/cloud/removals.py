@@ -15,7 +15,7 @@ from autowaze.cloud.diff_kernels import among
 from autowaze.cloud.validation import RefusedDiffError
 from autowaze.cloud.witnesses import SURVEY
 from autowaze.world.feature_map import MapFeatures
-from autowaze.world.labels import is_vehicle
+from autowaze.world.labels import is_movable
 
 MOST_PENDING = 1 << 22
 """Votes that wait for features or for a second vote; more than this is no reordering but an attack."""
@@ -34,7 +34,7 @@ class RemovalVotes:
     """Votes by block and source.
 
     Args:
-        corroboration: a feature that is no vehicle's goes when its own source or two others miss it, and nobody misses
+        corroboration: a feature of what stands goes when its own source or two others miss it, and nobody misses
             what was first seen later (a survey may have been made by another clock); else one vote is enough.
     """
 
@@ -79,7 +79,7 @@ class RemovalVotes:
                 gone |= missed
             else:
                 voices += missed & ((block.first_seen <= vote.end[row]) | (owner == SURVEY))
-        return gone | (voices >= np.where(is_vehicle(block.label), 1, ENOUGH_VOICES))
+        return gone | (voices >= np.where(is_movable(block.label), 1, ENOUGH_VOICES))
 
     def settle(self, number: int, left: NDArray[np.uint64]) -> None:
         """Keep the votes on what is left (N,) ascending of a block that has arrived; the others are settled."""

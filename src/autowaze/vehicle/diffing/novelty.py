@@ -56,7 +56,7 @@ class Candidates:
 def new_features(
     candidates: Candidates,
     moving_instances: NDArray[np.int64],
-    stored_vehicles: NDArray[np.float64],
+    stored_movable: NDArray[np.float64],
     stored_static: NDArray[np.float64],
     settings: DiffSettings,
     byte_budget: int,
@@ -67,7 +67,7 @@ def new_features(
     Args:
         candidates: landmarks that the map lacks.
         moving_instances: ids of instances that move; their features are traffic, not map.
-        stored_vehicles: (M, 3) positions of the map's vehicle features that are still there.
+        stored_movable: (M, 3) positions of the map's features of what comes and goes, as far as they are still there.
         stored_static: (S, 3) positions of its other features that are: where it has some, more of them are no news.
         settings: thresholds.
         byte_budget: what the features may take on the wire.
@@ -83,7 +83,7 @@ def new_features(
         & ~np.isin(candidates.instance, moving_instances[moving_instances != 0])
         & ~np.isin(candidates.label, _NEVER_MAPPED)
     )
-    eligible &= ~_known_instances(candidates, eligible, stored_vehicles, settings)
+    eligible &= ~_known_instances(candidates, eligible, stored_movable, settings)
     eligible &= ~_hardly_seen_instances(candidates, eligible, settings)
     instanced = _best_per_instance(candidates, np.flatnonzero(eligible & movable), settings)
     room = (byte_budget - _BYTES_PER_PLAIN * len(instanced)) // _BYTES_PER_DESCRIBED
@@ -105,25 +105,27 @@ def found_often_enough(
 def replaced_features(
     candidates: Candidates,
     told: NDArray[np.int64],
-    stored_vehicles: NDArray[np.float64],
+    stored_movable: NDArray[np.float64],
     stored_instance: NDArray[np.uint64],
     settings: DiffSettings,
 ) -> NDArray[np.bool_]:
-    """Mask (M,) of the map's vehicle features in whose place another vehicle stands: two take no room together.
+    """Mask (M,) of the map's features of vehicles and bicycles in whose place another vehicle stands: two take no
+    room together.
 
     Args:
         candidates: as in `new_features`; told: the rows that are sent.
-        stored_vehicles: (M, 3) positions of the map's vehicle features; stored_instance: (M,) keys of their instances.
+        stored_movable: (M, 3) positions of the map's features of what comes and goes; stored_instance: (M,) keys of
+            their instances.
         settings: thresholds.
     """
     instances, count = np.unique(candidates.instance[told[is_vehicle(candidates.label[told])]], return_counts=True)
     instances = instances[(instances != 0) & (count >= _ENOUGH_TO_REPLACE)]
-    if not len(instances) or not len(stored_vehicles):
-        return np.zeros(len(stored_vehicles), np.bool_)
+    if not len(instances) or not len(stored_movable):
+        return np.zeros(len(stored_movable), np.bool_)
     certain = is_vehicle(candidates.label) & (candidates.depth_sigma_m <= settings.max_depth_sigma_m)
     is_new = np.isin(candidates.instance, instances)
-    to_new = _distances(candidates.position[certain & is_new], stored_vehicles)
-    to_known = _distances(candidates.position[certain & ~is_new], stored_vehicles)
+    to_new = _distances(candidates.position[certain & is_new], stored_movable)
+    to_known = _distances(candidates.position[certain & ~is_new], stored_movable)
     taken = (to_new <= settings.known_radius_m) & (to_new < to_known)
     group = np.unique(stored_instance, return_inverse=True)[1]
     mostly = 2 * np.bincount(group, weights=taken) > np.bincount(group)
@@ -133,7 +135,7 @@ def replaced_features(
 def _known_instances(
     candidates: Candidates, eligible: NDArray[np.bool_], stored: NDArray[np.float64], settings: DiffSettings
 ) -> NDArray[np.bool_]:
-    """Mask (N,) of the movable features whose instance the map holds already: most lie where it has some of vehicles.
+    """Mask (N,) of the movable features whose instance the map holds already: most lie where it has movable ones.
 
     Corners of one vehicle are found again within centimetres, by another camera and in other light, too; those of
     another vehicle in its place lie near them by chance only. Half a car that a network takes for a motorcycle is

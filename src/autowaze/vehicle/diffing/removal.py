@@ -62,7 +62,7 @@ def removed_features(seen: LookedFor, settings: DiffSettings) -> NDArray[np.bool
     the part of it around a feature: the other part may be the next car.
     """
     looked_for = seen.matched + seen.missed
-    judged = looked_for >= settings.min_visible_frames
+    judged = np.rint(looked_for) >= settings.min_visible_frames  # a frame may count less than one
     found = seen.matched > settings.gone_match_ratio * looked_for
     if not judged.any() or np.mean(found[judged]) < settings.min_match_ratio:
         return np.zeros(len(judged), np.bool_)

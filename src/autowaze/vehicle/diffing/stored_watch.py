@@ -99,13 +99,14 @@ class StoredFeatureWatch:
     def _how_surely_found(self, places: NDArray[np.float64], tracked: TrackedFrame) -> NDArray[np.float64]:
         """How much (N,) it says of places (N, 3) whether a corner was found within the radius, 0 to 1.
 
-        A frame counts less where the radius holds less of the image than one corner has to itself, and not at all
+        A frame counts less where the radius holds less of the image than one corner has to itself: as the logarithm of
+        how often a standing vehicle shows none, log(1 - found), falls off (`_CORNERS_APART_PX`). It does not count
         where stereo does not put a corner into the radius. That one sees through tells from farther away, too.
         """
         depth = np.maximum((places - tracked.T_map_cam[:3, 3]) @ tracked.T_map_cam[:3, 2], _LEAST_DEPTH_M)
         radius_px = self._camera.fx * self._radius_m / depth
         by_stereo = depth <= np.sqrt(self._radius_m * self._camera.bf / _STEREO_SIGMA_PX)
-        return np.asarray(by_stereo * np.minimum(radius_px / _CORNERS_APART_PX, 1.0) ** 2)
+        return np.asarray(by_stereo * np.minimum(radius_px / _CORNERS_APART_PX, 1.0) ** 3)
 
 
 def _on_free_ground(places: NDArray[np.float64], ground: GroundObservation) -> NDArray[np.bool_]:

@@ -29,7 +29,7 @@ from autowaze.world.georeference import Georeference
 from autowaze.world.ground import GroundCells
 from autowaze.world.identity import MAX_SEQUENCE, feature_ids, instance_keys
 from autowaze.world.instances import Tracks
-from autowaze.world.labels import is_movable, is_vehicle
+from autowaze.world.labels import is_movable
 from autowaze.world.map_diff import SemanticMapDiff, Trajectory
 from autowaze.world.parking import ParkingMap
 from autowaze.world.pose import heading_of
@@ -266,21 +266,21 @@ class DiffWindow:
         stored = self._stored.features
         stored = stored[near_path(stored.position, [position for _, position, _ in self._path])]
         stored = stored[~np.isin(stored.id, self._removed)]
-        vehicle = is_vehicle(stored.label)
+        comes_and_goes = is_movable(stored.label)
         budget = self.settings.max_diff_bytes - _BYTES_OF_THE_REST - n_cells // _CELLS_PER_BYTE
         chosen = new_features(
             candidates,
             self._instances.moving_ids(),
-            stored.position[vehicle],
-            stored.position[~vehicle],
+            stored.position[comes_and_goes],
+            stored.position[~comes_and_goes],
             self.settings,
             budget,
         )
-        cars = stored[vehicle]
-        replaced = replaced_features(candidates, chosen, cars.position, cars.instance_key, self.settings)
+        movable = stored[comes_and_goes]
+        replaced = replaced_features(candidates, chosen, movable.position, movable.instance_key, self.settings)
         replaced &= self._may_tell_removals
         rows = landmarks.rows(candidates.landmark_id[chosen])
-        described = ~is_vehicle(candidates.label[chosen])
+        described = ~is_movable(candidates.label[chosen])
         n = len(chosen)
         new = MapFeatures(
             id=feature_ids(self.session, self._sequence, n),
@@ -295,4 +295,4 @@ class DiffWindow:
             last_seen=np.full(n, self._times[-1]),
             observations=np.minimum(candidates.found[chosen], 0xFFFF).astype(np.uint16),
         )
-        return new, candidates.landmark_id[chosen], cars.id[replaced]
+        return new, candidates.landmark_id[chosen], movable.id[replaced]

@@ -155,8 +155,9 @@ def test_what_cars_localise_by_goes_when_two_miss_it():
     assert service.map.features.id.tolist() == known.new.id[4:].tolist()
 
 
-def test_a_source_takes_back_what_it_brought_and_one_voice_moves_a_vehicle():
-    service, known, car = CloudService(STREET.parking_map), landmarks(1), landmarks(2, label=ClassLabel.CAR)
+@pytest.mark.parametrize("label", [ClassLabel.CAR, ClassLabel.TWO_WHEELER])
+def test_a_source_takes_back_what_it_brought_and_one_voice_moves_what_comes_and_goes(label):
+    service, known, car = CloudService(STREET.parking_map), landmarks(1), landmarks(2, label=label)
     told(service, [known], source=77)
     told(service, [car, missing(car.new.id, session=5)])
     told(service, [missing(known.new.id, session=6)], source=77)

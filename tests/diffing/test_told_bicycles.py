@@ -28,10 +28,8 @@ def passed(places: NDArray[np.float64], label: ClassLabel, stored: MapFeatures |
     window = DiffWindow(CAMERA, 1, DiffSettings(), FeatureMap(stored) if stored is not None else None)
     landmarks, none = Landmarks(), CameraFeatures.empty()
     descriptor = np.full((len(places), 32), 85, np.uint8)
-    ids, nothing = (
-        landmarks.add(position=places, descriptor=descriptor, label=np.full(len(places), label)),
-        np.zeros(0, np.int64),
-    )
+    ids = landmarks.add(position=places, descriptor=descriptor, label=np.full(len(places), label))
+    nothing = np.zeros(0, np.int64)
     columns = {name: np.zeros((len(places), *column.shape[1:]), column.dtype) for name, column in vars(none).items()}
     for index in range(5):
         T = make_pose(np.eye(3), np.array([0.0, 0.0, 0.2 * index]))
